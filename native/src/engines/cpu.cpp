@@ -1,0 +1,14 @@
+#include "volillum/cpu.h"
+
+namespace volillum {
+
+std::string instruction_set() {
+#if defined(__x86_64__) && defined(__GNUC__)
+    __builtin_cpu_init();
+    if (__builtin_cpu_supports("x86-64-v4")) return "x86-64-v4";
+    if (__builtin_cpu_supports("x86-64-v3")) return "x86-64-v3";
+#endif
+    return "baseline";
+}
+
+}  // namespace volillum
