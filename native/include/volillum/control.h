@@ -13,10 +13,8 @@ struct Cancelled : std::runtime_error {
 class Control {
 public:
     void cancel() { cancelled_.store(true, std::memory_order_relaxed); }
-    void reset() {
-        cancelled_.store(false, std::memory_order_relaxed);
-        progress_.store(0.0, std::memory_order_relaxed);
-    }
+    // A cancelled control stays cancelled: a later stage of the same work must see it.
+    void restart_progress() { progress_.store(0.0, std::memory_order_relaxed); }
     bool cancelled() const { return cancelled_.load(std::memory_order_relaxed); }
     void set_progress(double fraction) { progress_.store(fraction, std::memory_order_relaxed); }
     double progress() const { return progress_.load(std::memory_order_relaxed); }
