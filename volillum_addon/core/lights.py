@@ -1,0 +1,207 @@
+"""Lights, in radiometric units that agree with Cycles (docs/mathematics.md, brightness).
+
+The fluence F of a light at a point is the integral of its radiance over directions (RGB). Where
+nothing occludes, every model's in-scattered radiance is the sum of F / (4 pi) over the lights that
+it represents.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import harmonics
+from .errors import bad, colour, number, unit_vector, vector
+
+Rgb = NDArray[np.float64]
+
+
+class Light(Protocol):
+    """What every light can tell."""
+
+    kind: ClassVar[str]
+
+    def fluence(self, point: NDArray[np.float64]) -> Rgb:
+        """RGB fluence at a world point, unoccluded."""
+
+
+@dataclass(frozen=True, eq=False)
+class DistantLight:
+    """A sun. `direction` is the unit vector toward it, `irradiance` RGB on a surface that faces it,
+    `angle` its full angular diameter in radians (0: ideal)."""
+
+    kind: ClassVar[str] = "distant"
+    direction: ArrayLike
+    irradiance: ArrayLike | float
+    angle: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "direction", unit_vector("sun direction", self.direction))
+        object.__setattr__(self, "irradiance", colour("sun irradiance", self.irradiance))
+        object.__setattr__(self, "angle", number("sun angle", self.angle, 0.0, math.pi, "radians"))
+
+    def fluence(self, point: NDArray[np.float64]) -> Rgb:
+        # Uniform radiance L over a disc of half angle a: E = pi sin^2(a) L and F = 2 pi (1 - cos a) L.
+        return np.asarray(self.irradiance) * 2 / (1 + math.cos(self.angle / 2))
+
+    def harmonics(self) -> NDArray[np.float64]:
+        """Coefficients [16, 3] of its radiance: a disc attenuates band l by its mean P_l."""
+        bands = harmonics.cap_attenuation(self.angle / 2)
+        basis = harmonics.evaluate(np.asarray(self.direction)[None])[0]
+        return np.outer(basis * harmonics.per_coefficient(bands), self.fluence(np.zeros(3)))
+
+
+@dataclass(frozen=True, eq=False)
+class PointLight:
+    """A point source of radiant intensity `intensity` (RGB, W/sr) at a world position."""
+
+    kind: ClassVar[str] = "point"
+    position: ArrayLike
+    intensity: ArrayLike | float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "position", vector("light position", self.position))
+        object.__setattr__(self, "intensity", colour("light intensity", self.intensity))
+
+    def fluence(self, point: NDArray[np.float64]) -> Rgb:
+        return np.asarray(self.intensity) / _distance_squared(self.position, point)
+
+
+@dataclass(frozen=True, eq=False)
+class SpotLight:
+    """A point source that shines into a cone: full intensity inside, smooth to zero over the blend.
+
+    `direction` is where it shines, `angle` the full cone angle (radians), `blend` 0 to 1.
+    """
+
+    kind: ClassVar[str] = "spot"
+    position: ArrayLike
+    direction: ArrayLike
+    intensity: ArrayLike | float
+    angle: float = math.pi / 4
+    blend: float = 0.15
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "position", vector("spot position", self.position))
+        object.__setattr__(self, "direction", unit_vector("spot direction", self.direction))
+        object.__setattr__(self, "intensity", colour("spot intensity", self.intensity))
+        object.__setattr__(self, "angle", number("spot angle", self.angle, 0.0, math.pi, "radians"))
+        object.__setattr__(self, "blend", number("spot blend", self.blend, 0.0, 1.0))
+
+    def fluence(self, point: NDArray[np.float64]) -> Rgb:
+        away = point - np.asarray(self.position)
+        distance = math.sqrt(_distance_squared(self.position, point))
+        cosine = float(away @ np.asarray(self.direction)) / distance
+        # Cycles' falloff: smoothstep in the spot's own projected coordinate.
+        edge = math.cos(self.angle / 2)
+        smooth = (1 - edge) * self.blend
+        ramp = 1.0 if smooth <= 0 else min(max((cosine - edge) / smooth, 0.0), 1.0)
+        falloff = float(cosine > edge) * (3 * ramp**2 - 2 * ramp**3)
+        return np.asarray(self.intensity) * falloff / distance**2
+
+
+@dataclass(frozen=True, eq=False)
+class AreaLight:
+    """A flat emitter of uniform radiance, far away compared with its size.
+
+    `direction` is where it shines, `intensity` the RGB radiant intensity on that axis (W/sr).
+    """
+
+    kind: ClassVar[str] = "area"
+    position: ArrayLike
+    direction: ArrayLike
+    intensity: ArrayLike | float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "position", vector("area light position", self.position))
+        object.__setattr__(self, "direction", unit_vector("area light direction", self.direction))
+        object.__setattr__(self, "intensity", colour("area light intensity", self.intensity))
+
+    def fluence(self, point: NDArray[np.float64]) -> Rgb:
+        squared = _distance_squared(self.position, point)
+        away = (point - np.asarray(self.position)) / math.sqrt(squared)
+        cosine = max(float(away @ np.asarray(self.direction)), 0.0)
+        return np.asarray(self.intensity) * cosine / squared
+
+
+@dataclass(frozen=True, eq=False)
+class EnvironmentLight:
+    """Light from all around: one RGB radiance, or a latitude-longitude image [h, w, 3].
+
+    The image's first row is up (+z), its columns run with u = 1/2 - atan2(y, x) / (2 pi), as in
+    Cycles; `rotation` (3 x 3) takes world directions to the image's. Negative pixels count as 0.
+    """
+
+    kind: ClassVar[str] = "environment"
+    radiance: ArrayLike | float
+    rotation: ArrayLike | None = None
+
+    def __post_init__(self) -> None:
+        radiance = np.asarray(self.radiance, dtype=np.float64)
+        if radiance.ndim == 3:
+            if radiance.shape[2] != 3 or radiance.size == 0:
+                raise bad("environment image's shape", radiance.shape, "(h, w, 3)")
+            if not np.all(np.isfinite(radiance)):
+                raise bad("environment image", "not finite", "finite pixels")
+            radiance = np.maximum(radiance, 0.0)
+        else:
+            radiance = colour("environment radiance", self.radiance)
+        object.__setattr__(self, "radiance", radiance)
+        if self.rotation is not None:
+            rotation = np.asarray(self.rotation, dtype=np.float64)
+            if rotation.shape != (3, 3) or not np.allclose(
+                rotation @ rotation.T, np.eye(3), atol=1e-5
+            ):
+                raise bad("environment rotation", rotation.tolist(), "an orthonormal 3 x 3 matrix")
+            object.__setattr__(self, "rotation", rotation)
+
+    @property
+    def is_image(self) -> bool:
+        """Whether the radiance varies with direction."""
+        return np.asarray(self.radiance).ndim == 3
+
+    def fluence(self, point: NDArray[np.float64]) -> Rgb:
+        return self.harmonics()[0] * math.sqrt(4 * math.pi)
+
+    def harmonics(self) -> NDArray[np.float64]:
+        """Coefficients [16, 3] of the radiance over outward world directions."""
+        radiance = np.asarray(self.radiance)
+        if radiance.ndim == 1:
+            coefficients = np.zeros((harmonics.COUNT, 3))
+            coefficients[0] = radiance * math.sqrt(4 * math.pi)
+            return coefficients
+        directions, solid_angles = latitude_longitude(radiance.shape[0], radiance.shape[1])
+        if self.rotation is not None:
+            directions = directions @ np.asarray(self.rotation)
+        weighted = radiance.reshape(-1, 3) * solid_angles.reshape(-1, 1)
+        return harmonics.evaluate(directions.reshape(-1, 3)).T @ weighted
+
+
+def latitude_longitude(height: int, width: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Directions [h, w, 3] of the pixel centres and exact solid angles [h, w] of the pixels."""
+    elevation = math.pi * (0.5 - (np.arange(height) + 0.5) / height)
+    azimuth = 2 * math.pi * (0.5 - (np.arange(width) + 0.5) / width)
+    edges = math.pi * (0.5 - np.arange(height + 1) / height)
+    band = (np.sin(edges[:-1]) - np.sin(edges[1:])) * 2 * math.pi / width
+    cosine = np.cos(elevation)[:, None]
+    directions = np.stack(
+        [
+            cosine * np.cos(azimuth),
+            cosine * np.sin(azimuth),
+            np.broadcast_to(np.sin(elevation)[:, None], (height, width)),
+        ],
+        axis=-1,
+    )
+    return directions, np.broadcast_to(band[:, None], (height, width))
+
+
+def _distance_squared(position: ArrayLike, point: NDArray[np.float64]) -> float:
+    away = np.asarray(point) - np.asarray(position)
+    squared = float(away @ away)
+    if squared == 0:
+        raise bad("a light's distance to the point it is evaluated at", 0, "a positive distance")
+    return squared

@@ -1,0 +1,41 @@
+"""The scene: medium, lights, camera."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from .camera import Camera
+from .errors import bad
+from .lights import AreaLight, DistantLight, EnvironmentLight, Light, PointLight, SpotLight
+from .medium import Medium
+
+LIGHT_TYPES = (DistantLight, PointLight, SpotLight, AreaLight, EnvironmentLight)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What is rendered. The camera may be missing until a model or an image needs it."""
+
+    medium: Medium
+    lights: tuple[Light, ...]
+    camera: Camera | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "lights", tuple(self.lights))
+        if not isinstance(self.medium, Medium):
+            raise TypeError(f"medium is a {type(self.medium).__name__}; expected a Medium")
+        for index, light in enumerate(self.lights):
+            if not isinstance(light, LIGHT_TYPES):
+                raise TypeError(f"light {index} is a {type(light).__name__}; expected a light")
+        if not self.lights and self.medium.emission is None:
+            raise bad("the scene's number of lights", 0, "a light, a world or an emitting medium")
+
+    def need_camera(self) -> Camera:
+        """The camera, or an InputError that says that one is needed."""
+        if self.camera is None:
+            raise bad("the scene's camera", "missing", "a camera")
+        return self.camera
+
+    def trimmed(self, margin: int) -> Scene:
+        """The scene with `Medium.trimmed`."""
+        return replace(self, medium=self.medium.trimmed(margin))

@@ -1,0 +1,45 @@
+"""From grids to the native engines and back: what several models' bakes share."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.control import Control
+from ..core.grid import Grid
+from ..core.native import native
+
+
+def sweep(
+    sigma_t: Grid,
+    directions: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    near: int,
+    control: Control,
+    radius: float = math.inf,
+) -> NDArray[np.float32]:
+    """Weighted sums of transmittance, [extinction channels, c, i, j, k], for weights [d, c]."""
+    result = []
+    for index, plane in enumerate(sigma_t.planes()):
+        with control.stage(index / sigma_t.channels, (index + 1) / sigma_t.channels, "sweeping"):
+            result.append(
+                native.sweep(
+                    plane,
+                    sigma_t.index_to_world,
+                    np.ascontiguousarray(directions),
+                    np.ascontiguousarray(weights, dtype=np.float32),
+                    radius=radius,
+                    near_slices=near,
+                    control=control.native,
+                )
+            )
+    return np.stack(result)
+
+
+def channels_of(lattice: Grid, planes: NDArray[np.float32], name: str) -> Grid:
+    """Planes [1 or 3, i, j, k] as a scalar or vector grid."""
+    if len(planes) == 1:
+        return lattice.with_values(planes[0], name)
+    return lattice.with_values(np.ascontiguousarray(np.moveaxis(planes, 0, -1)), name)

@@ -1,0 +1,75 @@
+"""Solving a model in a scene."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+
+from ..core.control import Control
+from ..core.lights import Light
+from ..core.scene import Scene
+from .registry import get
+from .volume import Cost, IlluminationVolume
+
+# Void voxels this far from matter are solved too: interpolation must not darken boundaries.
+VOID_MARGIN = 2
+
+
+def illuminate(
+    scene: Scene,
+    model: str,
+    parameters: Mapping[str, object] | None = None,
+    control: Control | None = None,
+) -> IlluminationVolume:
+    """The model's illumination of the scene, in memory.
+
+    The volume's lattice is the box of the medium's matter grown by VOID_MARGIN voxels. Raises
+    InputError for bad input or a scene that the model cannot serve, Cancelled when `control` says
+    so.
+    """
+    chosen = get(model)
+    values = chosen.values(parameters or {})
+    chosen.check(scene)
+    control = control or Control()
+    trimmed = scene.trimmed(VOID_MARGIN)
+    begin = time.perf_counter()
+    channels = chosen.solve(trimmed, values, control)
+    seconds = time.perf_counter() - begin
+    return IlluminationVolume(
+        model=model,
+        parameters=values,
+        medium=trimmed.medium,
+        channels=channels,
+        radiance=chosen.radiance(chosen.represented(trimmed), trimmed.medium, values),
+        image_emission=chosen.operator(values).image_emission,
+        cost=Cost(seconds=seconds),
+        notes=left_out(scene, model),
+    )
+
+
+def bake(
+    scene: Scene, model: str, control: Control | None = None, **parameters: object
+) -> IlluminationVolume:
+    """`illuminate` with the parameters as keywords: bake(scene, "half_angle", theta=0.5)."""
+    return illuminate(scene, model, parameters, control)
+
+
+def relight(volume: IlluminationVolume, lights: tuple[Light, ...]) -> IlluminationVolume:
+    """The same channels under other lights: no new visibility, where the model allows that."""
+    model = get(volume.model)
+    known = tuple(light for light in lights if light.kind in model.lights)
+    return volume.with_radiance(model.radiance(known, volume.medium, volume.parameters))
+
+
+def left_out(scene: Scene, model: str) -> tuple[str, ...]:
+    """What of the scene the model does not represent, in plain words."""
+    chosen = get(model)
+    notes = []
+    absent = sorted({light.kind for light in scene.lights if light.kind not in chosen.lights})
+    if absent:
+        notes.append(f"{chosen.label} leaves out lights of the kinds: {', '.join(absent)}")
+    if scene.medium.emission is not None and not chosen.operator(chosen.values({})).image_emission:
+        notes.append(f"{chosen.label} leaves out the medium's own emission")
+    if scene.medium.g != 0:
+        notes.append(f"{chosen.label} scatters isotropically; the medium has g = {scene.medium.g}")
+    return tuple(notes)

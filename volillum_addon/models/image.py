@@ -1,0 +1,43 @@
+"""The image of a baked volume by the core's own line integral."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.camera import Camera
+from ..core.control import Control
+from ..core.native import native
+from .volume import IlluminationVolume
+
+
+def line_integral(
+    volume: IlluminationVolume,
+    camera: Camera,
+    width: int,
+    height: int,
+    subpixels: int = 4,
+    control: Control | None = None,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Radiance [h, w, 3] and transmittance [h, w, 1 or 3], without background, top row first.
+
+    What the display material shows, integrated to quadrature precision: averages of
+    `subpixels` x `subpixels` rays a pixel.
+    """
+    medium = volume.medium
+    emission = medium.emission if volume.image_emission else None
+    planes, terms = volume.planes()
+    radiance, transmittance = native.line_integral(
+        medium.sigma_t.planes(),
+        medium.sigma_s.planes(),
+        emission.planes() if emission is not None else None,
+        medium.sigma_t.index_to_world,
+        planes,
+        terms,
+        camera.rays(width, height),
+        width,
+        height,
+        subpixels=subpixels,
+        control=control.native if control else None,
+    )
+    return radiance, transmittance

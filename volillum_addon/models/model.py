@@ -1,0 +1,102 @@
+"""What a model is: its equation, parameters, needs, and how it is solved."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from ..core.control import Control
+from ..core.errors import InputError, bad, choice, number
+from ..core.grid import Grid
+from ..core.lights import Light
+from ..core.medium import Medium
+from ..core.scene import Scene
+from .operator import Operator
+from .volume import RadianceTerm
+
+Value = float | int | str
+Values = Mapping[str, Value]
+Treatment = Literal["represents", "approximates", "ignores"]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One setting: its default, range or choices, unit, and what it trades."""
+
+    name: str
+    default: Value
+    description: str
+    minimum: float = -math.inf
+    maximum: float = math.inf
+    unit: str = ""
+    choices: tuple[str, ...] = ()
+
+    def check(self, value: object) -> Value:
+        """`value` in the parameter's own type and range, or an InputError."""
+        if self.choices:
+            return choice(self.name, str(value), self.choices)
+        checked = number(self.name, value, self.minimum, self.maximum, self.unit)  # type: ignore[arg-type]
+        if isinstance(self.default, int):
+            if checked != round(checked):
+                raise bad(self.name, f"{checked:g}", "a whole number")
+            return round(checked)
+        return checked
+
+
+@dataclass(frozen=True)
+class Need:
+    """How a model treats one feature of a scene, and why, in plain words."""
+
+    feature: str
+    treatment: Treatment
+    reason: str
+
+
+@dataclass(frozen=True)
+class Model:
+    """One illumination model. See docs/add-a-model.md for what a new one has to bring.
+
+    `operator(values)` is its equation as data; `solve(scene, values, control)` computes the
+    channels, grids on the scene's (trimmed) lattice; `radiance(lights, medium, values)` says how
+    the channels become in-scattered radiance for given lights.
+    `lights` are the kinds of light that it represents; `rebake_on` the scene's parts whose change
+    makes its channels stale.
+    """
+
+    id: str
+    label: str
+    citation: str
+    equation: str
+    summary: str
+    parameters: tuple[Parameter, ...]
+    needs: tuple[Need, ...]
+    lights: frozenset[str]
+    rebake_on: frozenset[str]
+    operator: Callable[[Values], Operator]
+    solve: Callable[[Scene, Values, Control], dict[str, Grid]]
+    radiance: Callable[[tuple[Light, ...], Medium, Values], tuple[RadianceTerm, ...]]
+
+    def values(self, given: Mapping[str, object]) -> dict[str, Value]:
+        """All parameters with `given` applied; unknown names and values out of range are refused."""
+        known = {parameter.name: parameter for parameter in self.parameters}
+        for name in given:
+            if name not in known:
+                raise bad(f"{self.id}'s parameter", repr(name), "one of " + ", ".join(known))
+        return {name: p.check(given.get(name, p.default)) for name, p in known.items()}
+
+    def represented(self, scene: Scene) -> tuple[Light, ...]:
+        """The scene's lights that the model's equation has; the others stay out of its bake."""
+        return tuple(light for light in scene.lights if light.kind in self.lights)
+
+    def check(self, scene: Scene) -> None:
+        """Raise an InputError in plain words when the model cannot serve the scene at all."""
+        if not self.represented(scene):
+            have = ", ".join(sorted({light.kind for light in scene.lights})) or "none"
+            wants = ", ".join(sorted(self.lights))
+            raise InputError(
+                f"{self.label} knows only lights of the kinds {wants}; the scene has {have}"
+            )
+        if self.operator(self.values({})).sees_camera:
+            scene.need_camera()

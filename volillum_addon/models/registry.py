@@ -1,0 +1,28 @@
+"""The one registration of the models: everything that lists models iterates over MODELS."""
+
+from __future__ import annotations
+
+from ..core.errors import bad
+from . import directional_occlusion, multidirectional_occlusion, spherical_harmonics
+from .model import Model
+
+MODELS: dict[str, Model] = {
+    module.MODEL.id: module.MODEL
+    for module in (
+        directional_occlusion,
+        multidirectional_occlusion,
+        spherical_harmonics,
+    )
+}
+
+
+def models() -> tuple[Model, ...]:
+    """The registered models, in the order of the paper's sections."""
+    return tuple(MODELS.values())
+
+
+def get(model: str) -> Model:
+    """The model of this id, or an InputError that lists the known ones."""
+    if model not in MODELS:
+        raise bad("model", repr(model), "one of " + ", ".join(MODELS))
+    return MODELS[model]

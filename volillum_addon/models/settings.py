@@ -1,0 +1,35 @@
+"""Parameters that several models share."""
+
+from __future__ import annotations
+
+import math
+
+from .model import Parameter
+
+CONE_DIRECTIONS = Parameter(
+    "directions",
+    64,
+    "Directions in the cone: more follow hard edges more closely, time grows in proportion",
+    4,
+    4096,
+)
+NEAR_SLICES = Parameter(
+    "near",
+    4,
+    "Slices around each voxel that are integrated exactly: more for hard surfaces, 0 for smoke",
+    0,
+    64,
+    "slices",
+)
+
+
+def cone_theta(default: float) -> Parameter:
+    """The half angle of a cone."""
+    return Parameter(
+        "theta",
+        default,
+        "Half angle of the cone: wider gives softer shadows",
+        math.radians(1),
+        math.radians(90),
+        "radians",
+    )

@@ -1,0 +1,131 @@
+"""Spherical harmonic lighting (Kronander et al. 2012), the paper's Eqs. 9 to 12.
+
+    V_lm(x) = integral of T_R(x, omega) Y_lm(omega) d omega
+    L_i(x)  = 1 / (4 pi) sum over l <= n, m of L_lm V_lm(x)
+
+T_R is the transmittance over the radius R (infinite: global), L_lm the coefficients of the light's
+radiance. Both are expanded in outward directions, so the sign (-1)^l that the printed Eq. 12 lacks
+does not arise. Equivalently, the model sees the lights' radiance truncated to the bands 0 to n.
+
+Neglects angular detail above band n (it rings: a window damps that, L_i is clamped at 0), lights
+inside or near the medium, all scattering but the last, and the phase function.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..core import harmonics
+from ..core.control import Control
+from ..core.directions import sphere_rule
+from ..core.grid import Grid
+from ..core.lights import Light
+from ..core.medium import Medium
+from ..core.scene import Scene
+from .engines import sweep
+from .model import Model, Need, Parameter, Values
+from .operator import Operator, truncated_radiance
+from .settings import NEAR_SLICES
+from .volume import Factor, RadianceTerm
+
+# Coefficients in one vector grid: EEVEE reads at most 15 grids of a material.
+PACK = 3
+
+
+def operator(values: Values) -> Operator:
+    """The row of this model."""
+    return Operator(
+        "sphere",
+        "none",
+        "environment",
+        radius=float(values["radius"]),
+        image_emission=True,
+        basis=(int(values["order"]), str(values["window"])),
+        clamped=True,
+    )
+
+
+def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
+    """V_lm. Grey extinction: `coefficients_0`, ... with three coefficients each (the last one with
+    what remains). Chromatic: one RGB channel `coefficient_0`, ... each."""
+    vectors, weights = sphere_rule(int(values["directions"]))
+    count = harmonics.count(int(values["order"]))
+    basis = harmonics.evaluate(vectors)[:, :count] * (4 * math.pi * weights)[:, None]
+    sigma_t = scene.medium.sigma_t
+    planes = sweep(sigma_t, vectors, basis, int(values["near"]), control, float(values["radius"]))
+    channels = {}
+    if sigma_t.channels == 3:
+        for index in range(count):
+            name = f"coefficient_{index}"
+            values_rgb = np.ascontiguousarray(np.moveaxis(planes[:, index], 0, -1))
+            channels[name] = sigma_t.with_values(values_rgb, name)
+        return channels
+    for first in range(0, count, PACK):
+        name = f"coefficients_{first // PACK}"
+        pack = np.zeros((PACK, *sigma_t.shape), np.float32)
+        some = planes[0, first : first + PACK]
+        pack[: len(some)] = some
+        values_xyz = np.ascontiguousarray(np.moveaxis(pack, 0, -1)) if len(some) > 1 else some[0]
+        channels[name] = sigma_t.with_values(values_xyz, name)
+    return channels
+
+
+def radiance(lights: tuple[Light, ...], medium: Medium, values: Values) -> tuple[RadianceTerm, ...]:
+    """L_i = 1 / (4 pi) sum of L_lm V_lm: relighting is these weights alone."""
+    coefficients = truncated_radiance(operator(values), lights) / (4 * math.pi)
+    terms = []
+    for index in range(harmonics.count(int(values["order"]))):
+        red, green, blue = coefficients[index]
+        if red == green == blue == 0:
+            continue
+        factor = (
+            Factor(f"coefficient_{index}")
+            if medium.channels == 3
+            else Factor(f"coefficients_{index // PACK}", index % PACK)
+        )
+        terms.append(RadianceTerm((factor,), (red, green, blue)))
+    return tuple(terms)
+
+
+MODEL = Model(
+    id="spherical_harmonics",
+    label="Spherical harmonic lighting",
+    citation="Kronander, Jönsson, Löw, Ljung, Ynnerman, Unger: Efficient Visibility Encoding for "
+    "Dynamic Illumination in Direct Volume Rendering, TVCG 18(3), 2012",
+    equation="9 to 12",
+    summary="Light from all around, stored so that new lights need no new bake; soft only.",
+    parameters=(
+        Parameter("order", 3, "Highest band: 0 ambient, 3 sixteen coefficients", 0, 3),
+        Parameter(
+            "directions",
+            128,
+            "Directions on the sphere: more for hard surfaces, time grows in proportion",
+            8,
+            4096,
+        ),
+        Parameter("radius", math.inf, "How far occluders count", 1e-9, math.inf, "world units"),
+        Parameter(
+            "window",
+            "hanning",
+            "Damping of the higher bands: less ringing, softer shadows",
+            choices=harmonics.WINDOWS,
+        ),
+        NEAR_SLICES,
+    ),
+    needs=(
+        Need("environment light", "approximates", "cut to the bands 0 to order"),
+        Need("distant light", "approximates", "cut to the bands 0 to order: soft shadows only"),
+        Need("local lights", "ignores", "visibility is to infinity"),
+        Need("multiple scattering", "ignores", "only the last scattering toward the eye"),
+        Need("phase function", "ignores", "isotropic"),
+        Need("emission", "represents", "in the image"),
+        Need("chromatic extinction", "represents", "one set of coefficients per channel"),
+    ),
+    lights=frozenset({"distant", "environment"}),
+    rebake_on=frozenset({"extinction"}),
+    operator=operator,
+    solve=solve,
+    radiance=radiance,
+)
