@@ -30,7 +30,7 @@ class Control:
     @property
     def fraction(self) -> float:
         """How much of the whole work is done, 0 to 1."""
-        return self._begin + (self._end - self._begin) * self.native.progress
+        return self._begin + (self._end - self._begin) * float(self.native.progress)
 
     @contextmanager
     def stage(self, begin: float, end: float, message: str) -> Iterator[None]:

@@ -165,7 +165,7 @@ class EnvironmentLight:
         return np.asarray(self.radiance).ndim == 3
 
     def fluence(self, point: NDArray[np.float64]) -> Rgb:
-        return self.harmonics()[0] * math.sqrt(4 * math.pi)
+        return np.asarray(self.harmonics()[0] * math.sqrt(4 * math.pi))
 
     def harmonics(self) -> NDArray[np.float64]:
         """Coefficients [16, 3] of the radiance over outward world directions."""
@@ -178,7 +178,7 @@ class EnvironmentLight:
         if self.rotation is not None:
             directions = directions @ np.asarray(self.rotation)
         weighted = radiance.reshape(-1, 3) * solid_angles.reshape(-1, 1)
-        return harmonics.evaluate(directions.reshape(-1, 3)).T @ weighted
+        return np.asarray(harmonics.evaluate(directions.reshape(-1, 3)).T @ weighted)
 
 
 def latitude_longitude(height: int, width: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -55,15 +55,15 @@ def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
         planes = sweep(sigma_t, about(vectors, -camera.forward), weights[:, None], near, control)
         return {"visibility": channels_of(sigma_t, planes[:, 0], "visibility")}
     lattice, field, spacing = perspective_weights(sigma_t, camera, theta, count)
-    planes = []
+    per_channel = []
     for index, plane in enumerate(sigma_t.planes()):
         with control.stage(index / sigma_t.channels, (index + 1) / sigma_t.channels, "sweeping"):
-            planes.append(
+            per_channel.append(
                 native.sweep_weighted(
                     plane, sigma_t.index_to_world, lattice, field, spacing,
                     near_slices=near, control=control.native)
             )  # fmt: skip
-    return {"visibility": channels_of(sigma_t, np.stack(planes), "visibility")}
+    return {"visibility": channels_of(sigma_t, np.stack(per_channel), "visibility")}
 
 
 def perspective_weights(
