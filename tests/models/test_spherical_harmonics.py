@@ -1,0 +1,149 @@
+"""Spherical harmonic lighting: cases F1 to F7, local visibility, relighting."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from media import ball, half_space, smooth_random, value_at
+from scipy.special import expn
+
+from volillum_addon.core import harmonics
+from volillum_addon.core.grid import Grid
+from volillum_addon.core.lights import DistantLight, EnvironmentLight, latitude_longitude
+from volillum_addon.core.medium import Medium
+from volillum_addon.core.scene import Scene
+from volillum_addon.models.illuminate import bake, relight
+from volillum_addon.models.volume import IlluminationVolume
+
+MODEL = "spherical_harmonics"
+SKY = EnvironmentLight(1.0)
+
+
+def coefficients(volume: IlluminationVolume, point: np.ndarray) -> np.ndarray:
+    """V_lm [16] at a voxel centre."""
+    packs = [value_at(grid, point).reshape(-1) for grid in volume.channels.values()]
+    return np.concatenate(packs)[: harmonics.COUNT]
+
+
+def opaque_half_space() -> tuple[Medium, np.ndarray]:
+    """An opaque medium below z = 0 (the end of its support), and the voxel centre at z = 0."""
+    affine = np.diag([1e4, 1e4, 1.0, 1.0])
+    affine[2, 3] = -4
+    grid = Grid(np.full((3, 3, 4), 1e9, np.float32), affine, "opaque")
+    return Medium(grid, grid), np.array([1e4, 1e4, 0.0])
+
+
+def test_f1_coefficients_of_an_opaque_half_space() -> None:
+    medium, point = opaque_half_space()
+    volume = bake(Scene(medium, (SKY,)), MODEL, directions=4096, window="none")
+    zonal = coefficients(volume, point)[[0, 2, 6, 12]]
+    expected = [math.sqrt(math.pi), math.sqrt(3 * math.pi) / 2, 0.0, -0.5861840124793437]
+    # A step integrated by 4,096 directions: about one ring of 90 of 4,096 weights 4 pi / 4096 on
+    # the wrong side at random, sqrt(90) * 0.003 * |Y| <= 0.03 * 0.75.
+    assert zonal == pytest.approx(expected, abs=0.02)
+
+
+def test_f4_outward_directions_on_both_sides() -> None:
+    """Environment 1 + omega_z / 2 over an opaque half space: 0.625; the printed sign gives 0.375."""
+    medium, point = opaque_half_space()
+    directions, _ = latitude_longitude(256, 512)
+    sky = EnvironmentLight(np.repeat((1 + directions[..., 2:] / 2), 3, axis=-1))
+    volume = bake(Scene(medium, (sky,)), MODEL, directions=4096, window="none")
+    assert value_at(volume.in_scattered(), point) == pytest.approx([0.625] * 3, abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("depth", "zonal"),
+    [
+        (0.25, [0.9176527528, 0.9967738133, 0.3565005515, -0.1716843049]),
+        (1.0, [0.2632014328, 0.3367521590, 0.2173725840, 0.0543868226]),
+    ],
+)
+def test_f5_uniform_environment_in_a_half_space(depth: float, zonal: list[float]) -> None:
+    medium, point = half_space(depth, slices=64)
+    for order in range(4):
+        volume = bake(Scene(medium, (SKY,)), MODEL, order=order, directions=4096, window="none")
+        value = value_at(volume.in_scattered(), point)
+        # Exact for every order. exp(-t / mu) over 22 Gauss rings about a turned pole: its kink in
+        # the horizon's plane is C-infinity flat (all derivatives vanish), 2e-3 is left at t = 0.25.
+        assert value == pytest.approx([expn(2, depth) / 2] * 3, rel=3e-3)
+    assert coefficients(volume, point)[[0, 2, 6, 12]] == pytest.approx(zonal, abs=3e-3)
+
+
+@pytest.mark.parametrize(
+    ("order", "expected"),
+    [(0, 0.005908448482581), (1, 0.01900196258033), (2, 0.02991322432845), (3, 0.03314341315922)],
+)
+def test_f6_zenith_light_is_truncated(order: int, expected: float) -> None:
+    medium, point = half_space(1.0, slices=64)
+    scene = Scene(medium, (DistantLight((0, 0, 1), 1.0),))
+    volume = bake(scene, MODEL, order=order, directions=4096, window="none")
+    assert value_at(volume.in_scattered(), point) == pytest.approx([expected] * 3, rel=3e-3)
+
+
+@pytest.mark.parametrize(
+    ("offset", "expected"), [(0.0, 0.22313016014843), (0.5, 0.27835951000879), (1.0, 0.65836882194)]
+)
+def test_f7_mean_visibility_in_a_ball(offset: float, expected: float) -> None:
+    voxels = 24
+    medium = ball(voxels, 1.5)
+    volume = bake(Scene(medium, (SKY,)), MODEL, order=0, directions=1024, near=8)
+    point = np.array([0.0, offset, 0.0])
+    # The blurred surface: at the centre it changes optical depths by its curvature, (1/24)^2; at
+    # the surface itself the receiver's own half voxel of medium counts, 1.5 / 24 / 8 of the value.
+    assert value_at(volume.in_scattered(), point) == pytest.approx(
+        [expected] * 3, rel=0.01 if offset == 1.0 else 2e-3
+    )
+
+
+@pytest.mark.parametrize("radius", [0.1, 1.0, 3.0])
+def test_local_visibility_in_an_endless_medium(radius: float) -> None:
+    sigma = 0.8
+    grid = Grid(np.full((41, 41, 41), sigma, np.float32), np.diag([0.25, 0.25, 0.25, 1]), "even")
+    scene = Scene(Medium(grid, grid), (SKY,))
+    volume = bake(scene, MODEL, radius=radius, directions=64)
+    middle = volume.in_scattered().values[22, 22, 22]  # 20 voxels of 0.25 from the border
+    # Optical depth sigma R in every direction; float32 prefix differences over 40 slices.
+    assert middle == pytest.approx([math.exp(-sigma * radius)] * 3, rel=1e-5)
+
+
+def test_relighting_equals_a_new_bake() -> None:
+    medium = smooth_random((12, 13, 14), seed=31)
+    first = (SKY,)
+    second = (
+        DistantLight((1, 1, 2), (3.0, 2.0, 1.0), angle=0.3),
+        EnvironmentLight((0.1, 0.2, 0.4)),
+    )
+    old = bake(Scene(medium, first), MODEL)
+    new = bake(Scene(medium, second), MODEL)
+    assert np.array_equal(relight(old, second).in_scattered().values, new.in_scattered().values)
+    assert not np.allclose(old.in_scattered().values, new.in_scattered().values)
+
+
+def test_chromatic_extinction_equals_three_grey_bakes() -> None:
+    medium = smooth_random((9, 10, 11), seed=32)
+    factors = np.array([1.0, 0.5, 2.0], np.float32)
+    rgb = medium.sigma_t.with_values(medium.sigma_t.values[..., None] * factors)
+    lights = (DistantLight((0, 1, 1), 2.0), SKY)
+    wide = bake(Scene(Medium(rgb, rgb), lights), MODEL).in_scattered().values
+    for channel, factor in enumerate(factors):
+        grey = medium.sigma_t.with_values(medium.sigma_t.values * factor)
+        narrow = bake(Scene(Medium(grey, grey), lights), MODEL).in_scattered().values
+        assert np.allclose(wide[..., channel], narrow[..., channel], rtol=1e-6, atol=1e-7)
+
+
+def test_windows_lower_the_clamped_share() -> None:
+    medium, _ = half_space(1.0)
+    sun = DistantLight((0, 0, -1), 1.0)  # from below: hidden, the truncated light rings negative
+    shares = {}
+    for window in harmonics.WINDOWS:
+        volume = bake(Scene(medium, (sun,)), MODEL, window=window)
+        total = sum(
+            np.multiply.outer(volume.component(term.factors[0])[..., 0], np.asarray(term.weight))
+            for term in volume.radiance
+        )
+        shares[window] = np.minimum(total, 0).sum()
+    assert shares["none"] < shares["hanning"] <= 0
+    assert shares["none"] < shares["lanczos"] <= 0
