@@ -1,0 +1,80 @@
+"""Faults to plant, and the tests that must notice each of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Replacing `sound` (found once in `file`) by `faulty` must fail every test in `noticed_by`."""
+
+    name: str
+    file: str
+    sound: str
+    faulty: str
+    noticed_by: tuple[str, ...]
+
+
+DOS = "tests/models/test_directional_occlusion.py"
+MDOS = "tests/models/test_multidirectional_occlusion.py"
+SH = "tests/models/test_spherical_harmonics.py"
+
+FAULTS = (
+    Fault(
+        "1 % in the weights of a cone's directions",
+        "volillum_addon/core/directions.py",
+        "(weight / weight.sum() / per_ring)[:, None]",
+        "(1.01 * weight / weight.sum() / per_ring)[:, None]",
+        (f"{DOS}::test_half_space_below_an_orthographic_camera", f"{MDOS}::test_knife_edge"),
+    ),
+    Fault(
+        "1 % in the weights of the sphere's directions",
+        "volillum_addon/core/directions.py",
+        "weights = np.repeat(weight / 2 / per_ring, per_ring)",
+        "weights = np.repeat(1.01 * weight / 2 / per_ring, per_ring)",
+        (f"{SH}::test_f5_uniform_environment_in_a_half_space",),
+    ),
+    Fault(
+        "a half-voxel offset of a cropped grid",
+        "volillum_addon/core/grid.py",
+        "self.to_world(np.array(low, dtype=np.float64))",
+        "self.to_world(np.array(low, dtype=np.float64) + 0.5)",
+        ("tests/core/test_grid.py::test_crop_keeps_every_voxel_where_it_was",),
+    ),
+    Fault(
+        "an albedo off by 1 %",
+        "volillum_addon/core/medium.py",
+        "return cls(sigma_t, _scaled(density, scale_rgb * albedo_rgb))",
+        "return cls(sigma_t, _scaled(density, scale_rgb * albedo_rgb * 0.99))",
+        ("tests/core/test_medium.py::test_density_becomes_coefficients",),
+    ),
+    Fault(
+        "a missing 1 / (4 pi) in the brightness of a glow",
+        "volillum_addon/models/operator.py",
+        "return total / (4 * math.pi)",
+        "return total",
+        (f"{DOS}::test_half_space_below_an_orthographic_camera",),
+    ),
+    Fault(
+        "a missing 1 / (4 pi) in the harmonics' dot product",
+        "volillum_addon/models/spherical_harmonics.py",
+        "truncated_radiance(operator(values), lights) / (4 * math.pi)",
+        "truncated_radiance(operator(values), lights)",
+        (f"{SH}::test_f5_uniform_environment_in_a_half_space",),
+    ),
+    Fault(
+        "the printed sign of the harmonics' odd bands",
+        "volillum_addon/models/spherical_harmonics.py",
+        "basis = harmonics.evaluate(vectors)[:, :count]",
+        "basis = harmonics.evaluate(-vectors)[:, :count]",
+        (f"{SH}::test_f4_outward_directions_on_both_sides",),
+    ),
+    Fault(
+        "a perspective cone about the view direction in place of eye - x",
+        "volillum_addon/models/directional_occlusion.py",
+        "axes = camera.eye - grid.to_world(index.reshape(-1, 3))",
+        "axes = np.broadcast_to(-camera.forward, (index.size // 3, 3)).copy()",
+        (f"{DOS}::test_perspective_agrees_with_the_exact_solution",),
+    ),
+)
