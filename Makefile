@@ -1,0 +1,73 @@
+# Two commands on a fresh machine: `make test` and `make demo`. Every target sets up what it needs,
+# once: .venv from requirements.lock, the native core from native/, the project itself.
+
+PYTHON_RUN := .venv/bin/python
+ENVIRONMENT := .venv/.environment
+NATIVE := .venv/.native
+PROJECT := .venv/.project
+# Folders are listed too: theirs is the time that changes when a file is removed.
+NATIVE_SOURCES := $(shell find native -mindepth 1 -name build -prune -o -name __pycache__ -prune -o -print)
+
+.DEFAULT_GOAL := help
+.PHONY: help setup native test demo bench extension lint format lock clean
+
+help:
+	@echo "make test       run the tests"
+	@echo "make demo       compare every model on a real volume; see build/demo/report.html"
+	@echo "make bench      time the kernels"
+	@echo "make extension  build the Blender extension, dist/*.zip"
+	@echo "make lint       check style, types and formatting"
+	@echo "make format     apply the formatting that lint asks for"
+	@echo "make setup      only set up .venv and the native core, as all of these do by themselves"
+	@echo "make lock       pin the newest versions in requirements.lock (needs uv)"
+	@echo "make clean      remove all that was built, except .venv"
+	@echo
+	@echo "A C++ compiler and CPython 3.13 are needed; PYTHON=... names one that is not found."
+	@echo "VOLILLUM_DATA=... names the folder of third-party volumes; tests that need it skip without."
+
+setup: $(NATIVE) $(PROJECT)
+
+native: $(NATIVE)
+
+$(ENVIRONMENT): requirements.lock tools/make_environment.sh tools/find_python.sh
+	@tools/make_environment.sh
+	@touch $@
+
+$(NATIVE): $(ENVIRONMENT) tools/build_native.sh $(NATIVE_SOURCES)
+	@tools/build_native.sh
+	@touch $@
+
+$(PROJECT): $(ENVIRONMENT) pyproject.toml
+	@$(PYTHON_RUN) -m pip install --disable-pip-version-check --quiet --no-deps \
+		--no-build-isolation --editable .
+	@touch $@
+
+test: setup
+	@$(PYTHON_RUN) -m pytest $(ARGS)
+
+demo: setup
+	@$(PYTHON_RUN) -m volillum_addon demo -o build/demo $(ARGS)
+
+bench: setup
+	@for script in tests/benchmarks/bench_*.py; do $(PYTHON_RUN) $$script $(ARGS) || exit 1; done
+
+extension: setup
+	@$(PYTHON_RUN) tools/build_extension.py
+
+lint: setup
+	@tools/lint.sh
+
+format: $(ENVIRONMENT)
+	@.venv/bin/ruff check --quiet --fix-only .
+	@.venv/bin/ruff format --quiet .
+	@find native -name build -prune -o \( -name '*.h' -o -name '*.cpp' \) -print | \
+		xargs .venv/bin/clang-format -i
+
+lock:
+	@uv pip compile pyproject.toml --group dev --universal --python-version 3.13 --upgrade \
+		--generate-hashes --custom-compile-command "make lock" --quiet \
+		--output-file requirements.lock
+
+clean:
+	@rm -rf build dist wheels native/build
+	@rm -f $(NATIVE)

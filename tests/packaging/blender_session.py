@@ -1,0 +1,75 @@
+"""Blender sessions of their own, with BLENDER_USER_RESOURCES set to a scratch folder.
+
+`python blender_session.py install ARCHIVE` installs and enables, `python blender_session.py use
+RESULT.json` uses, disables and removes what an earlier session installed. RESULT says where the
+modules came from and what was left behind. Two sessions, because only from the second one on do an
+extension's wheels precede the other packages of this Python.
+"""
+
+import importlib
+import json
+import os
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import bpy  # makes Blender's own modules importable, hence first
+
+# isort: split
+import addon_utils
+
+REPOSITORY = "user_default"
+IDENTIFIER = "volillum"
+ROOT_MODULE = f"bl_ext.{REPOSITORY}.{IDENTIFIER}"
+EXTENSIONS = Path(os.environ["BLENDER_USER_RESOURCES"]) / "extensions"
+
+
+def install(archive: str) -> None:
+    """Installs and enables as a drop of the archive onto Blender's window does."""
+    bpy.ops.extensions.package_install_files(
+        filepath=archive, repo=REPOSITORY, enable_on_install=True
+    )
+    loaded_by_default, loaded = addon_utils.check(ROOT_MODULE)
+    assert loaded, (loaded_by_default, loaded)
+
+
+def use(package: ModuleType) -> None:
+    """Does with the installed extension what its user would."""
+    assert importlib.import_module("volillum_native").instruction_set()
+    cli = importlib.import_module(f"{package.__name__}.blender.cli")
+    assert cli.main(["--version"]) == 0
+    resources = importlib.import_module(f"{package.__name__}.resources")
+    assert list(resources.PRESETS.glob("volumes/*.vdb"))
+
+
+def disable_and_remove() -> None:
+    """Disables first, as the interface does, so that `unregister` runs."""
+    addon_utils.disable(ROOT_MODULE, default_set=True)
+    assert addon_utils.check(ROOT_MODULE) == (False, False)
+    names = [repository.module for repository in bpy.context.preferences.extensions.repos]
+    bpy.ops.extensions.package_uninstall(repo_index=names.index(REPOSITORY), pkg_id=IDENTIFIER)
+
+
+def left_over() -> list[str]:
+    """The files that remain of the extension or of its wheels, without Blender's own records."""
+    records = (EXTENSIONS / ".cache", EXTENSIONS / REPOSITORY / ".blender_ext")
+    return [
+        path.relative_to(EXTENSIONS).as_posix()
+        for path in EXTENSIONS.rglob("*")
+        if path.is_file() and not any(path.is_relative_to(record) for record in records)
+    ]
+
+
+def use_and_remove(result: str) -> None:
+    """The second session. The module bpy does not load preferences: it enables by itself."""
+    addon_utils.enable(ROOT_MODULE, default_set=True)
+    names = ("volillum_native", "OpenEXR", "matplotlib", "flip_evaluator")
+    modules = {name: str(importlib.import_module(name).__file__) for name in names}
+    package = importlib.import_module(f"{ROOT_MODULE}.volillum_addon")
+    modules["volillum_addon"] = str(package.__file__)
+    use(package)
+    disable_and_remove()
+    Path(result).write_text(json.dumps({"modules": modules, "left_over": left_over()}))
+
+
+{"install": install, "use": use_and_remove}[sys.argv[1]](sys.argv[2])
