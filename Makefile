@@ -31,7 +31,6 @@ native: $(NATIVE)
 
 $(ENVIRONMENT): requirements.lock tools/make_environment.sh tools/find_python.sh
 	@tools/make_environment.sh
-	@touch $@
 
 $(NATIVE): $(ENVIRONMENT) tools/build_native.sh $(NATIVE_SOURCES)
 	@tools/build_native.sh

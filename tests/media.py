@@ -28,10 +28,10 @@ def half_space(depth: float, slices: int = 32, below: int = 8) -> tuple[Medium, 
 def ball(
     radius_voxels: float, optical_radius: float, margin: int = 1, shift: float = 0.0
 ) -> Medium:
-    """A homogeneous ball about the middle voxel, world radius 1, of optical radius `optical_radius`.
+    """A homogeneous ball about the middle voxel, of world radius 1 and the given optical radius.
 
-    Voxels hold the share of 8 x 8 x 8 points inside the ball, so its surface is blurred by one voxel
-    and its volume is right to 1e-3.
+    Voxels hold the share of 8 x 8 x 8 points inside the ball, so its surface is blurred by one
+    voxel and its volume is right to 1e-3.
     """
     half = int(np.ceil(radius_voxels)) + margin
     fine = (np.arange(-half * 8 - 4, half * 8 + 4) + 0.5) / 8 + shift

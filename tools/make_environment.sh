@@ -1,11 +1,20 @@
 #!/bin/sh
-# Makes .venv anew from requirements.lock. Whatever fails, the last line says what was missing.
+# Makes .venv anew from requirements.lock, unless it was made from the same one. Whatever fails, the
+# last line says what was missing.
 set -eu
 
 fail() {
     echo "set-up failed: $*" >&2
     exit 1
 }
+
+# A checkout of another commit and back changes the time of the lock but not what it says.
+stamp=.venv/.environment
+key=$(cat requirements.lock tools/make_environment.sh | cksum)
+if [ -e "$stamp" ] && [ "$(cat "$stamp")" = "$key" ]; then
+    touch "$stamp"
+    exit 0
+fi
 
 # The compiler first: it is needed last, after everything was fetched.
 compiler=""
@@ -33,3 +42,4 @@ rm -rf .venv native/build
 missing=$(.venv/bin/python -c "import bpy" 2>&1) ||
     fail "Blender's module does not load: $(echo "$missing" | tail -n 1); on Debian: apt-get" \
         "install libx11-6 libxrender1 libxfixes3 libxi6 libxkbcommon0 libsm6 libice6 libgl1"
+echo "$key" >"$stamp"

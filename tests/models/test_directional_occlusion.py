@@ -39,8 +39,9 @@ def test_half_space_below_an_orthographic_camera(degrees: int, depth: float) -> 
         Scene(medium, (SKY,), ABOVE), "directional_occlusion", theta=theta, directions=1024
     )
     value = value_at(volume.in_scattered(), point)
-    # 16 Gauss rings integrate exp(-t / mu) to 1e-9 but for the grazing rays of the hemisphere, where
-    # the rule leaves 2e-3 (tests/core/test_directions.py); the rest is float32 over 32 slices.
+    # 16 Gauss rings integrate exp(-t / mu) to 1e-9 but for the grazing rays of the hemisphere,
+    # where the rule leaves 2e-3 (tests/core/test_directions.py); the rest is float32 over 32
+    # slices.
     assert value == pytest.approx([c1(theta, depth)] * 3, rel=2e-3 if degrees == 90 else 2e-5)
 
 
@@ -61,7 +62,8 @@ def test_perspective_cone_follows_the_eye(tilt: int, expected: float) -> None:
     affine = np.diag([0.25, 0.25, step, 1.0])
     grid = Grid(np.ones((side, side, slices + 1 + below), np.float32), affine, "slab")
     point = grid.to_world(np.array([side // 2, side // 2, below], float))
-    # Rays to 85 degrees leave by the top: at 7.5 units sideways the others keep e^-7.5 of the light.
+    # Rays to 85 degrees leave by the top: at 7.5 units sideways the others keep e^-7.5 of the
+    # light.
     angle = math.radians(tilt)
     eye = point + 40 * np.array([math.sin(angle), 0, math.cos(angle)])
     scene = Scene(Medium(grid, grid), (SKY,), Camera(eye, point, up=(0, 1, 0)))

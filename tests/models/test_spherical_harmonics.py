@@ -46,7 +46,7 @@ def test_f1_coefficients_of_an_opaque_half_space() -> None:
 
 
 def test_f4_outward_directions_on_both_sides() -> None:
-    """Environment 1 + omega_z / 2 over an opaque half space: 0.625; the printed sign gives 0.375."""
+    """Environment 1 + omega_z / 2 over an opaque half space: 0.625; the printed sign: 0.375."""
     medium, point = opaque_half_space()
     directions, _ = latitude_longitude(256, 512)
     sky = EnvironmentLight(np.repeat((1 + directions[..., 2:] / 2), 3, axis=-1))

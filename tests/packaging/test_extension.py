@@ -13,6 +13,8 @@ from pathlib import Path
 import pytest
 from project_files import ROOT, make, tracked_files
 
+import volillum_addon
+
 # The archive grows with what it bundles; beyond this the plots should do without matplotlib.
 LARGEST_BYTES = 60e6
 

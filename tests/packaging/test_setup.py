@@ -13,7 +13,7 @@ from packaging.utils import canonicalize_name
 from project_files import ROOT
 
 FIND_PYTHON = ROOT / "tools" / "find_python.sh"
-SYSTEM_TOOLS = ("which", "env", "sh")
+SYSTEM_TOOLS = ("which", "env", "sh", "cat", "cksum")
 
 
 def executable(path: Path, body: str) -> Path:
@@ -85,8 +85,8 @@ def test_a_missing_compiler_is_named_before_anything_is_fetched(
 ) -> None:
     checkout = tmp_path / "checkout"
     (checkout / "tools").mkdir(parents=True)
-    for name in ("make_environment.sh", "find_python.sh"):
-        (checkout / "tools" / name).symlink_to(ROOT / "tools" / name)
+    for name in ("requirements.lock", "tools/make_environment.sh", "tools/find_python.sh"):
+        (checkout / name).symlink_to(ROOT / name)
     done = subprocess.run(
         ["tools/make_environment.sh"],
         cwd=checkout,
@@ -98,7 +98,7 @@ def test_a_missing_compiler_is_named_before_anything_is_fetched(
     assert done.returncode == 1
     (line,) = done.stderr.splitlines()
     assert line.startswith("set-up failed: no C++ compiler")
-    assert [path.name for path in checkout.iterdir()] == ["tools"]
+    assert {path.name for path in checkout.iterdir()} == {"requirements.lock", "tools"}
 
 
 def test_the_lock_covers_the_project_with_hashes() -> None:

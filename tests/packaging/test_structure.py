@@ -21,7 +21,8 @@ TREE = {
     ".": """.ci/ .gitignore blender_manifest.toml __init__.py pyproject.toml requirements.lock
             Makefile README.md LICENSE CHANGELOG.md SOURCES.md
             volillum_addon/ native/ presets/ tests/ docs/ tools/""",
-    "volillum_addon": "__init__.py __main__.py resources.py core/ models/ bake/ compare/ blender/",
+    "volillum_addon": """__init__.py __main__.py py.typed resources.py
+                         core/ models/ bake/ compare/ blender/""",
     "native": ".clang-format CMakeLists.txt pyproject.toml wheel_version.py include/ src/",
     "native/include": "volillum/",
     "native/src": "module.cpp bindings/ engines/ exact/ models/",

@@ -1,4 +1,4 @@
-"""Quadrature over directions: cones, the sphere, and cones whose axis varies from voxel to voxel."""
+"""Quadrature over directions: cones, the sphere, and cones whose axis varies between voxels."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from .errors import bad
 
-# Successive rings of a cone rule are turned by the golden ratio of their step, so that no edge of an
-# occluder meets directions of several rings at once (measured on a knife edge: docs/mathematics.md).
+# Successive rings of a cone rule are turned by the golden ratio of their step, so that no edge of
+# an occluder meets directions of several rings at once (measured on a knife edge:
+# docs/mathematics.md).
 GOLDEN = (math.sqrt(5) - 1) / 2
 # Sub-directions of a cone when it is spread over the directions of an AngularLattice: 8 x 32 keep
 # the spread's own error below 1e-3 of the weights, far below that of the lattice's spacing.
@@ -81,9 +82,9 @@ class AngularLattice:
     """A fixed set of directions that serves cones about many axes.
 
     The directions are a square lattice in Lambert's equal-area map about `pole`, so each stands for
-    the same solid angle; between them a function of direction is interpolated by cubics (Catmull-Rom). The cone
-    integral of that interpolant is exact, so the weights of a cone vary continuously with its axis
-    and the error is third order in the lattice's spacing.
+    the same solid angle; between them a function of direction is interpolated by cubics
+    (Catmull-Rom). The cone integral of that interpolant is exact, so the weights of a cone vary
+    continuously with its axis and the error is third order in the lattice's spacing.
     """
 
     pole: NDArray[np.float64]

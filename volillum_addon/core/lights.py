@@ -45,7 +45,8 @@ class DistantLight:
         object.__setattr__(self, "angle", number("sun angle", self.angle, 0.0, math.pi, "radians"))
 
     def fluence(self, point: NDArray[np.float64]) -> Rgb:
-        # Uniform radiance L over a disc of half angle a: E = pi sin^2(a) L and F = 2 pi (1 - cos a) L.
+        # Uniform radiance L over a disc of half angle a: E = pi sin^2(a) L and
+        # F = 2 pi (1 - cos a) L.
         return np.asarray(self.irradiance) * 2 / (1 + math.cos(self.angle / 2))
 
     def harmonics(self) -> NDArray[np.float64]:

@@ -79,7 +79,7 @@ class Model:
     radiance: Callable[[tuple[Light, ...], Medium, Values], tuple[RadianceTerm, ...]]
 
     def values(self, given: Mapping[str, object]) -> dict[str, Value]:
-        """All parameters with `given` applied; unknown names and values out of range are refused."""
+        """All parameters with `given` applied; refuses unknown names and values out of range."""
         known = {parameter.name: parameter for parameter in self.parameters}
         for name in given:
             if name not in known:

@@ -1,6 +1,6 @@
 """Multidirectional occlusion shading (Solteszova et al. 2010), the paper's Eq. 6 with Eq. 5.
 
-    L_i(x) = sum over lights of F / (4 pi) (1 / Omega_C) integral over C(omega_L, theta) of T d omega
+    L_i(x) = sum over lights of F / (4 pi) (1 / Omega_C) integral over C(omega_L, theta) of T domega
 
 omega_L is the direction to the light, theta the cone's half angle. A sun of angular diameter
 2 theta has exactly this single scattering: Cycles at 0 bounces is a witness.
