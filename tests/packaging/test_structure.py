@@ -27,7 +27,7 @@ TREE = {
     "native/include": "volillum/",
     "native/src": "module.cpp bindings/ engines/ exact/ models/",
     "tests": """*.py benchmarks/ bake/ blender/ compare/ core/ hard_cases/ models/ native/
-                packaging/ plugins/""",
+                mutations/ packaging/ plugins/""",
 }
 
 
