@@ -17,6 +17,7 @@ class Control:
         self.native = native.Control()
         self.message = ""
         self._begin, self._end = 0.0, 1.0
+        self._reported = 0.0
 
     def cancel(self) -> None:
         """Ask the work to stop; it raises Cancelled at its next poll."""
@@ -30,7 +31,12 @@ class Control:
     @property
     def fraction(self) -> float:
         """How much of the whole work is done, 0 to 1."""
-        return self._begin + (self._end - self._begin) * float(self.native.progress)
+        inside = max(float(self.native.progress), self._reported)
+        return self._begin + (self._end - self._begin) * inside
+
+    def report(self, fraction: float) -> None:
+        """Tell how much of the stage is done, for work that no kernel of this process does."""
+        self._reported = fraction
 
     @contextmanager
     def stage(self, begin: float, end: float, message: str) -> Iterator[None]:
@@ -41,7 +47,9 @@ class Control:
         self.message = message
         self.check()
         self.native.restart_progress()
+        self._reported = 0.0
         try:
             yield
         finally:
             self._begin, self._end = outer
+            self._reported = 0.0

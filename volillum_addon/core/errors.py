@@ -8,6 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+# A length within the rounding of normalising (a few float64 epsilons) is 1.
+UNIT_SLACK = 1e-15
+
 
 class InputError(ValueError):
     """The input is not usable; the message is one line for a person to read."""
@@ -47,12 +50,12 @@ def vector(what: str, value: ArrayLike) -> NDArray[np.float64]:
 
 
 def unit_vector(what: str, value: ArrayLike) -> NDArray[np.float64]:
-    """`value` normalised; a zero vector is refused."""
+    """`value` normalised; a zero vector is refused. Normalising again changes no bit."""
     result = vector(what, value)
     length = math.sqrt(float(result @ result))
     if length < 1e-30:
         raise bad(what, "a zero vector", "a direction")
-    return result / length
+    return result if abs(length - 1) < UNIT_SLACK else result / length
 
 
 def colour(what: str, value: ArrayLike | float) -> NDArray[np.float64]:

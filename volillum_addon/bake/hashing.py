@@ -1,0 +1,98 @@
+"""The digest of everything that a bake's file depends on, and of each part of it.
+
+The lights' brightness is no part unless a model says so: relighting a bake is free (`relight`).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping
+from hashlib import blake2b
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .. import __version__
+from ..core.grid import Grid
+from ..core.scene import Scene
+from ..models.model import Model, Values
+
+# Raised when a kernel or model gives other values for the same input.
+KERNEL_REVISION = 1
+# Directions that agree to this many decimals are one: a moved orthographic camera has the same
+# view direction but for its rounding.
+DIRECTION_DECIMALS = 9
+DIGEST_BYTES = 8
+
+
+def input_digests(scene: Scene, model: Model, values: Values, half: bool) -> dict[str, str]:
+    """The digest of each part, by the part's name; `scene` is trimmed.
+
+    The medium's grids are parts of every bake because its file holds them. Comparing two of these
+    says what has changed.
+    """
+    medium = scene.medium
+    digests = {
+        "extinction": _grid(medium.sigma_t),
+        "scattering": _grid(medium.sigma_s),
+        "emission": _grid(medium.emission) if medium.emission is not None else _digest("none"),
+        "parameters": _digest(json.dumps(dict(values), sort_keys=True)),
+        "program": _digest(f"{model.id} {KERNEL_REVISION} {__version__} {'half' if half else ''}"),
+    }
+    for part in model.rebake_on - digests.keys():
+        digests[part] = PARTS[part](scene, model)
+    return dict(sorted(digests.items()))
+
+
+def combined(digests: Mapping[str, str] | Iterable[str]) -> str:
+    """One digest of several: of a bake's parts, or of the frames of a sequence."""
+    if isinstance(digests, Mapping):
+        digests = [f"{name}={digest}" for name, digest in sorted(digests.items())]
+    return _digest("\n".join(digests))
+
+
+def _light_directions(scene: Scene, model: Model) -> str:
+    """Kinds and directions of the lights that the model represents, in order."""
+    digest = blake2b(digest_size=DIGEST_BYTES)
+    for light in model.represented(scene):
+        digest.update(light.kind.encode() + b"\0")
+        if hasattr(light, "direction"):
+            digest.update(_direction(light.direction))
+    return digest.hexdigest()
+
+
+def _camera(scene: Scene, model: Model) -> str:
+    """What the direction toward the eye depends on: the eye, or an orthographic view's axis."""
+    camera = scene.need_camera()
+    if camera.orthographic:
+        return _digest(b"orthographic" + _direction(camera.forward))
+    return _digest(b"perspective" + _bytes(camera.eye))
+
+
+# What a model may name in `rebake_on` beside the medium's grids.
+PARTS: dict[str, Callable[[Scene, Model], str]] = {
+    "light direction": _light_directions,
+    "camera": _camera,
+}
+
+
+def _grid(grid: Grid) -> str:
+    digest = blake2b(digest_size=DIGEST_BYTES)
+    digest.update(_bytes(grid.values.shape) + _bytes(grid.index_to_world))
+    for plane in grid.values:
+        digest.update(np.ascontiguousarray(plane + np.float32(0)))
+    return digest.hexdigest()
+
+
+def _direction(vector: ArrayLike) -> bytes:
+    return _bytes(np.round(np.asarray(vector, np.float64), DIRECTION_DECIMALS))
+
+
+def _bytes(numbers: ArrayLike) -> bytes:
+    """As little-endian float64; adding 0 makes -0 the 0 that it equals."""
+    return (np.asarray(numbers, np.float64) + 0.0).astype("<f8").tobytes()
+
+
+def _digest(data: str | bytes) -> str:
+    raw = data.encode() if isinstance(data, str) else data
+    return blake2b(raw, digest_size=DIGEST_BYTES).hexdigest()
