@@ -1,0 +1,201 @@
+#include "volillum/exact.h"
+
+#include <nanobind/stl/optional.h>
+
+#include <limits>
+
+#include "ray_arguments.h"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+using namespace volillum;
+using namespace volillum::bindings;
+
+namespace {
+
+exact::Planes planes(const PlanesArray &array) {
+    return {array.data(), array.shape(0)};
+}
+
+std::vector<exact::Term> terms_of(const nb::list &list) {
+    std::vector<exact::Term> terms;
+    for (nb::handle item : list) {
+        const std::string name = "terms[" + std::to_string(terms.size()) + "]";
+        nb::tuple fields;
+        if (!nb::try_cast(item, fields) || fields.size() != 4)
+            fail(name + " is not a tuple (axis, local, cos_theta, radiance)");
+        exact::Term term;
+        term.axis = as_vector(fields[0], name + "'s axis");
+        if (!nb::try_cast(fields[1], term.local)) fail(name + "'s local is not a bool");
+        if (!nb::try_cast(fields[2], term.cos_theta) ||
+            !(term.cos_theta >= -1.0 && term.cos_theta <= 1.0))
+            fail(name + "'s cos_theta is not a number from -1 to 1");
+        if (!term.local && term.cos_theta > -1.0 && !(length(term.axis) > 0.0))
+            fail(name + "'s axis is zero; expected a direction");
+        const DoubleArray radiance = as_doubles(fields[3], name + "'s radiance");
+        const auto shape = shape_of(radiance);
+        if (shape.size() != 2 || shape[1] != 3 ||
+            (shape[0] != 1 && shape[0] != 4 && shape[0] != 9 && shape[0] != 16))
+            fail(name + "'s radiance has shape " + shape_text(shape) +
+                 "; expected (k, 3), k = 1, 4, 9 or 16");
+        for (std::size_t i = 0; i < shape[0]; ++i)
+            term.radiance.push_back(
+                {radiance.data()[3 * i], radiance.data()[3 * i + 1], radiance.data()[3 * i + 2]});
+        terms.push_back(std::move(term));
+    }
+    return terms;
+}
+
+void require_sampling(std::int64_t directions, std::int64_t replicates, double radius) {
+    require_radius(radius);
+    if (replicates < 2)
+        fail("replicates is " + std::to_string(replicates) +
+             "; expected at least 2, a standard error needs two");
+    if (directions < 1)
+        fail("directions is " + std::to_string(directions) + "; expected 1 or more");
+}
+
+// Points are chosen where light is extinguished: scattering elsewhere would be missed.
+void require_bounded_albedo(const PlanesArray &sigma_t, const PlanesArray &sigma_s,
+                            const Size3 &grid) {
+    const std::size_t voxels = grid[0] * grid[1] * grid[2];
+    for (std::size_t c = 0; c < sigma_s.shape(0); ++c)
+        for (std::size_t n = 0; n < voxels; ++n) {
+            float sigma = sigma_t.data()[n];
+            for (std::size_t t = 1; t < sigma_t.shape(0); ++t)
+                sigma = std::max(sigma, sigma_t.data()[t * voxels + n]);
+            if (sigma == 0.0f && sigma_s.data()[c * voxels + n] != 0.0f)
+                fail("sigma_s is " + std::to_string(sigma_s.data()[c * voxels + n]) +
+                     " where sigma_t is 0, at " +
+                     shape_text({n / (grid[1] * grid[2]), n / grid[2] % grid[1], n % grid[2]}) +
+                     "; expected sigma_s <= sigma_t");
+        }
+}
+
+OutArray exact_optical_depth(const PlanesArray &sigma_t, const DoubleArray &index_to_world,
+                             const DoubleArray &origins, const DoubleArray &directions,
+                             double radius, int threads, Control *control) {
+    const Size3 grid = grid_shape(sigma_t, "sigma_t");
+    const Lattice map = lattice(index_to_world);
+    const std::size_t count = rows_of_three(origins, "origins");
+    if (rows_of_three(directions, "directions") != count)
+        fail("directions has " + std::to_string(directions.shape(0)) +
+             " rows; expected one for each of the " + std::to_string(count) + " origins");
+    for (std::size_t n = 0; n < count; ++n) {
+        const double *w = directions.data() + 3 * n;
+        const double norm = length({w[0], w[1], w[2]});
+        if (!(std::abs(norm - 1.0) <= 1e-6))
+            fail("directions[" + std::to_string(n) + "] has length " + std::to_string(norm) +
+                 "; expected a unit vector");
+    }
+    require_radius(radius);
+    auto [depth, array] = output({count, sigma_t.shape(0)});
+    {
+        const nb::gil_scoped_release release;
+        exact::optical_depth(map, grid, planes(sigma_t), origins.data(), directions.data(), count,
+                             radius, threads, control, depth);
+    }
+    return array;
+}
+
+nb::tuple exact_in_scattered(const PlanesArray &sigma_t, const DoubleArray &index_to_world,
+                             const DoubleArray &points, const nb::list &terms, double radius,
+                             std::int64_t directions, std::int64_t replicates, std::uint64_t seed,
+                             bool clamp, int threads, Control *control) {
+    const Size3 grid = grid_shape(sigma_t, "sigma_t");
+    const Lattice map = lattice(index_to_world);
+    const std::size_t count = rows_of_three(points, "points");
+    const std::vector<exact::Term> sum = terms_of(terms);
+    require_sampling(directions, replicates, radius);
+    const exact::Sampling sampling{
+        radius, std::size_t(directions), std::size_t(replicates), seed, clamp, threads, control};
+    auto [value, value_array] = output({count, 3});
+    auto [error, error_array] = output({count, 3});
+    {
+        const nb::gil_scoped_release release;
+        exact::in_scattered(map, grid, planes(sigma_t), sum, points.data(), count, sampling, value,
+                            error);
+    }
+    return nb::make_tuple(value_array, error_array);
+}
+
+nb::tuple exact_image(const PlanesArray &sigma_t, const PlanesArray &sigma_s,
+                      const std::optional<PlanesArray> &emission, const DoubleArray &index_to_world,
+                      const nb::list &terms, const DoubleArray &rays, std::int64_t width,
+                      std::int64_t height, double radius, std::int64_t points,
+                      std::int64_t directions, std::int64_t replicates, std::uint64_t seed,
+                      bool clamp, int threads, Control *control) {
+    const Size3 grid = grid_shape(sigma_t, "sigma_t");
+    require_grid(sigma_s, "sigma_s", grid);
+    if (emission) require_grid(*emission, "emission", grid, {3});
+    require_bounded_albedo(sigma_t, sigma_s, grid);
+    const Lattice map = lattice(index_to_world);
+    const auto [w, h] = image_size(width, height);
+    const std::array<Vec3, 6> camera = camera_rays(rays, w, h);
+    const std::vector<exact::Term> sum = terms_of(terms);
+    require_sampling(directions, replicates, radius);
+    if (points < 1) fail("points is " + std::to_string(points) + "; expected 1 or more");
+    const exact::Sampling sampling{
+        radius, std::size_t(directions), std::size_t(replicates), seed, clamp, threads, control};
+    auto [radiance, radiance_array] = output({h, w, 3});
+    auto [error, error_array] = output({h, w, 3});
+    {
+        const nb::gil_scoped_release release;
+        exact::image(map, grid, planes(sigma_t), planes(sigma_s),
+                     emission ? planes(*emission) : Bricks::Planes{}, sum, {camera.data(), w, h},
+                     std::size_t(points), sampling, radiance, error);
+    }
+    return nb::make_tuple(radiance_array, error_array);
+}
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+}  // namespace
+
+void bind_exact(nb::module_ &module) {
+    module.def("exact_optical_depth", &exact_optical_depth, "sigma_t"_a.noconvert(),
+               "index_to_world"_a, "origins"_a, "directions"_a, nb::kw_only(),
+               "radius"_a = infinity, "threads"_a = 0, "control"_a = nb::none(),
+               R"(Optical depth of the trilinear medium along rays, exact to rounding.
+
+sigma_t: float32 [c, nx, ny, nz], c = 1 or 3, per world unit. index_to_world: 4 x 4 affine.
+origins, directions: float64 [n, 3], world; directions are unit vectors. The depth runs to the
+medium's border (one voxel beyond the border voxels) or to `radius` world units.
+Returns float64 [n, c].)");
+    module.def("exact_in_scattered", &exact_in_scattered, "sigma_t"_a.noconvert(),
+               "index_to_world"_a, "points"_a, "terms"_a, nb::kw_only(), "radius"_a = infinity,
+               "directions"_a = 1024, "replicates"_a = 8, "seed"_a = 0, "clamp"_a = false,
+               "threads"_a = 0, "control"_a = nb::none(),
+               R"(In-scattered radiance at points, from the equation itself:
+
+    L_i(x) = sum_terms (1 / Omega) int_lobe L(w) exp(-od(x, x + radius w)) dw
+
+sigma_t: float32 [c, nx, ny, nz], c = 1 or 3. points: float64 [n, 3], world.
+terms: a list of (axis, local, cos_theta, radiance). The lobe is the cone of half angle
+acos(cos_theta) (-1: the whole sphere, 1: the axis alone) about `axis`, or, when `local`, about the
+direction from x to the world point `axis`. radiance: float64 [k, 3], k = 1, 4, 9 or 16, real
+orthonormal spherical harmonics of L(w) over outward world directions at index l (l + 1) + m,
+without the Condon-Shortley sign; for k = 1, L = radiance / sqrt(4 pi).
+directions: rays per point and term in all, shared among `replicates` independent randomisations
+of a low-discrepancy set. clamp: values below 0 become 0 (after averaging).
+Returns value and its standard error, float64 [n, 3] each. A point's result depends on its index,
+the seed and nothing else of the call's order.)");
+    module.def("exact_image", &exact_image, "sigma_t"_a.noconvert(), "sigma_s"_a.noconvert(),
+               "emission"_a.noconvert().none(), "index_to_world"_a, "terms"_a, "rays"_a, "width"_a,
+               "height"_a, nb::kw_only(), "radius"_a = infinity, "points"_a = 8,
+               "directions"_a = 64, "replicates"_a = 8, "seed"_a = 0, "clamp"_a = false,
+               "threads"_a = 0, "control"_a = nb::none(),
+               R"(Image of a model's exact solution, the mean over each pixel's area of
+
+    L = int tau (sigma_s L_i + emission) ds
+
+with L_i and `terms` as in exact_in_scattered, without background.
+sigma_t, sigma_s: float32 [1 or 3, nx, ny, nz]; sigma_s may not exceed sigma_t. emission: None or
+float32 [3, nx, ny, nz], radiance per length (sigma_a L_e).
+rays: float64 [6, 3]: the ray through image position (u, v) starts at rays[0] + u rays[1] +
+v rays[2] toward rays[3] + u rays[4] + v rays[5]. Pixel (x, y) covers [x, x + 1] x [y, y + 1]; row 0
+is the top.
+Per pixel: `replicates` independent estimates of `points` rays with one point of collision each, and
+`directions` rays per term from there; clamp: L_i below 0 becomes 0 at each point, before averaging.
+Returns radiance and its standard error, float64 [height, width, 3] each.)");
+}
