@@ -220,7 +220,7 @@ def test_cancel_stops_it() -> None:
         native.exact_optical_depth(sigma_t, np.eye(4), origins, vectors, control=control)
     watcher.join()
     assert 0 < control.progress < 1
-    control.reset()
+    control = native.Control()
     native.exact_optical_depth(sigma_t, np.eye(4), origins[:10], vectors[:10], control=control)
     assert control.progress == 1
 
