@@ -75,10 +75,12 @@ def exact_image(
     directions: int = 64,
     seed: int = 0,
     control: Control | None = None,
+    clamped: bool = True,
 ) -> Estimate:
     """The image [h, w, 3] of the model's exact solution, without background, top row first.
 
     Per pixel and replicate `points` points along the ray with `directions` directions each.
+    `clamped` False leaves negative in-scattered radiance negative where the model clamps it at 0.
     """
     chosen = get(model)
     operator = chosen.operator(chosen.values(parameters or {}))
@@ -100,7 +102,7 @@ def exact_image(
         directions=directions,
         replicates=REPLICATES,
         seed=seed,
-        clamp=operator.clamped,
+        clamp=operator.clamped and clamped,
         control=control.native if control else None,
     )
     return Estimate(value, error)

@@ -1,0 +1,108 @@
+"""A comparison with made-up images, for tests of what is written from it."""
+
+import numpy as np
+
+from volillum_addon.compare.bounces import Truncation
+from volillum_addon.compare.errors import ErrorImages
+from volillum_addon.compare.metrics import Agreement, Image, sampled_figure
+from volillum_addon.compare.reference import Reference
+from volillum_addon.compare.results import Comparison, Measured, ModelResult, Seconds, Timing
+from volillum_addon.core.camera import Camera
+from volillum_addon.core.grid import Grid
+from volillum_addon.core.lights import DistantLight, EnvironmentLight
+from volillum_addon.core.medium import Medium
+from volillum_addon.core.scene import Scene
+from volillum_addon.models.registry import MODELS
+
+
+def synthetic_scene() -> Scene:
+    """A soft ball under a sun and a sky."""
+    i, j, k = np.indices((20, 22, 24)) - np.array([9.5, 10.5, 11.5])[:, None, None, None]
+    density = np.exp(-(i**2 + j**2 + k**2) / 40).astype(np.float32)
+    affine = np.diag([0.1, 0.1, 0.1, 1.0])
+    affine[:3, 3] = (-0.95, -1.05, -1.15)
+    medium = Medium.from_density(Grid(density, affine, "density"), 4.0, (0.9, 0.85, 0.8))
+    return Scene(
+        medium,
+        (DistantLight((0.4, -0.5, 0.8), (3.0, 2.8, 2.5), 0.4), EnvironmentLight((0.3, 0.4, 0.6))),
+        Camera((0.0, -6.0, 1.0), (0.0, 0.0, 0.0)),
+    )
+
+
+def synthetic_comparison(
+    width: int = 64, height: int = 48, reason: str = "needs a distant light; the scene has none"
+) -> Comparison:
+    """Every registered model with an error of its own, and the last one without measurements."""
+    random = np.random.default_rng(5)
+    y, x = np.mgrid[0:height, 0:width]
+    ball = np.clip(1 - ((x - width / 2) ** 2 + (y - height / 2) ** 2) / (0.42 * height) ** 2, 0, 1)
+    mask = ball > 0
+    full = ball[..., None] ** 0.5 * np.array([1.0, 0.85, 0.7]) * (0.6 + 0.6 * x / width)[..., None]
+    noise = 0.01 * full
+    reference = Image(full + noise * random.standard_normal((height, width, 1)), noise**2, 15)
+    models = []
+    known = list(MODELS.values())
+    for index, model in enumerate(known):
+        exact = full * (0.8 + 0.15 * index) * (1 + 0.2 * (y / height - 0.5))[..., None]
+        spread = 0.004 * exact
+        images = ErrorImages(
+            displayed=Image.noiseless(exact * 1.004),
+            integrated=Image.noiseless(exact * 1.003),
+            exact=Image(exact + spread * random.standard_normal((height, width, 1)), spread**2, 7),
+            full=reference,
+        )
+        points = random.uniform(0.5, 1.0, (500, 3))
+        errors = images.figures(mask) | {
+            "numerical_field": sampled_figure(
+                Image.noiseless(points * 1.01), Image(points, np.full((500, 3), 1e-6), 7)
+            )
+        }
+        exposure, after = images.exposed(mask)
+        time = 0.05 * 3**index
+        measured = Measured(
+            Seconds(
+                whole=Timing((0.4 + time,) * 3),
+                bake=Timing((time, time * 1.1, time * 0.9)),
+                hand_over=Timing((0.1,) * 3),
+                display=Timing((0.08, 0.09, 0.1)),
+            ),
+            peak_bytes=200 << 20,
+            images=images,
+            errors=errors,
+            exposure=exposure,
+            total_after_exposure=after,
+            witness=Agreement(1.02, 0.1, -0.4, 48) if index else None,
+        )
+        models.append(
+            ModelResult(
+                model.id,
+                model.label,
+                model.citation,
+                "equation",
+                model.values({}),
+                ('leaves out <the sky> & "haze"',),
+                measured,
+            )
+        )
+    last = known[-1]
+    models.append(
+        ModelResult(
+            last.id, last.label + " (blue)", last.citation, "blue", last.values({}), reason=reason
+        )
+    )
+    return Comparison(
+        name="ball <b> & co",
+        scene=synthetic_scene(),
+        mask=mask,
+        single=Reference(reference, 0, 64, 16, 12.0, 0.01),
+        full=Reference(reference, 64, 64, 16, 40.0, 0.01),
+        truncation=Truncation(32, 0.0004, 0.0002),
+        models=tuple(models),
+        machine={
+            "system": "Linux x86_64",
+            "processor": "a processor",
+            "threads": 2,
+            "instruction_set": "avx2",
+        },
+        versions={"volillum": "0.1.0", "blender": "5.2.3"},
+    )

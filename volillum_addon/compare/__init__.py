@@ -1,0 +1,1 @@
+"""Metrics, references and reports: what a model costs in time and in truth."""

@@ -1,0 +1,252 @@
+"""One model's measurements, each kept in the directory's `parts` under a hash of its inputs."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import __version__
+from ..bake.cold import cold_bake
+from ..bake.hashing import KERNEL_REVISION
+from ..bake.run import Plan, baked_volume, plan_bake
+from ..core.control import Control
+from ..models.exact import exact_image
+from ..models.image import line_integral
+from ..models.model import Model, Values
+from .cache import key_of, load, store
+from .errors import field_error, image_of
+from .machine import machine
+from .metrics import Agreement, Figure, Image, Mask, agreement
+from .reference import Report, Stopping, gather
+from .renderer import Pixels, Renderer
+from .results import Seconds, Timing
+
+# Raised when what a stored part holds, or how it is computed, changes.
+PARTS_REVISION = 1
+
+
+@dataclass(frozen=True)
+class Options:
+    """How thorough a comparison is.
+
+    `samples` per seed, `noise` and `seconds` end a reference (`seconds` is the full one's budget;
+    the others take a quarter); `bounces` None lets bounces.py choose. `repeats` are of every time.
+    The exact image takes `points` on a ray with `directions` each, the exact field
+    `voxel_directions` at `voxels` draws of visible voxels.
+    """
+
+    name: str = "volume"
+    samples: int = 64
+    noise: float = 0.01
+    seconds: float = 120.0
+    bounces: int | None = None
+    repeats: int = 3
+    display_samples: int = 1
+    points: int = 8
+    directions: int = 32
+    voxels: int = 2000
+    voxel_directions: int = 2048
+    seed: int = 0
+
+
+class NoWitnessError(Exception):
+    """The renderer cannot solve this equation."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """Where the measurements of one scene are made and kept."""
+
+    renderer: Renderer
+    options: Options
+    directory: Path
+    identity: str
+
+    def part(self, kind: str, **inputs: object) -> Path:
+        """The file of a part that depends on the renderer's identity and these inputs."""
+        program = {"program": [__version__, KERNEL_REVISION, PARTS_REVISION]}
+        key = key_of({"renderer": self.identity, **program, **inputs})
+        return self.directory / "parts" / f"{kind}_{key}.npz"
+
+    def stopping(self, share: float = 1.0) -> Stopping:
+        """When a rendering with this share of the full reference's budget is good enough."""
+        options = self.options
+        return Stopping(options.noise, options.seconds * share, options.samples)
+
+
+@dataclass(frozen=True, eq=False)
+class Bake:
+    """A model's file, and what its cold bakes took."""
+
+    plan: Plan
+    whole: Timing
+    bake: Timing
+    hand_over: Timing
+    peak_bytes: int
+
+    def seconds(self, display: Timing) -> Seconds:
+        """All of the model's times."""
+        return Seconds(self.whole, self.bake, self.hand_over, display)
+
+
+def bake(bench: Bench, model: Model, values: Values, control: Control) -> Bake:
+    """The model's baked file with the times of cold bakes on this machine."""
+    options = bench.options
+    plan = plan_bake(
+        bench.renderer.scene, model.id, bench.directory / "bakes", options.name, values
+    )
+    path = bench.part("times", bake=plan.hash, machine=machine(), repeats=options.repeats)
+    held = load(path)
+    if held is None or plan.found() is None:
+        timings = cold_bake(
+            bench.renderer.scene,
+            model.id,
+            bench.directory / "bakes",
+            options.name,
+            values,
+            options.repeats,
+            control,
+        )
+        store(
+            path,
+            **{
+                name: np.array([float(getattr(timing, name)) for timing in timings])
+                for name in ("whole", "bake", "hand_over", "peak_bytes")
+            },
+        )
+        held = load(path)
+        assert held is not None
+    return Bake(
+        plan,
+        _timing(held["whole"]),
+        _timing(held["bake"]),
+        _timing(held["hand_over"]),
+        int(held["peak_bytes"].max()),
+    )
+
+
+def display(bench: Bench, baked: Bake) -> tuple[Image, Timing]:
+    """The baked grids in the renderer, and the times of rendering them."""
+    options, plan = bench.options, baked.plan
+    path = bench.part(
+        "display", bake=plan.hash, samples=options.display_samples, machine=machine(),
+        repeats=options.repeats,
+    )  # fmt: skip
+    held = load(path)
+    if held is None:
+        pixels, seconds = [], []
+        for _ in range(options.repeats):
+            begin = time.perf_counter()
+            pixels.append(bench.renderer.display(plan.path, options.display_samples, options.seed))
+            seconds.append(time.perf_counter() - begin)
+        held = {"pixels": np.asarray(pixels[0], np.float64), "seconds": np.array(seconds)}
+        store(path, **held)
+    return Image.noiseless(held["pixels"]), _timing(held["seconds"])
+
+
+def integral(bench: Bench, baked: Bake, control: Control) -> tuple[Image, NDArray[np.float64]]:
+    """The core's line integral of the baked grids, and the transmittance [h, w, 1 or 3]."""
+    path = bench.part("integral", bake=baked.plan.hash)
+    held = load(path)
+    if held is None:
+        scene = bench.renderer.scene
+        radiance, transmittance = line_integral(
+            baked_volume(scene, baked.plan.path),
+            scene.need_camera(),
+            bench.renderer.width,
+            bench.renderer.height,
+            control=control,
+        )
+        held = {"radiance": radiance, "transmittance": transmittance}
+        store(path, **held)
+    return Image.noiseless(held["radiance"]), held["transmittance"]
+
+
+def exact(
+    bench: Bench, model: Model, values: Values, control: Control, clamped: bool = True
+) -> Image:
+    """The image of the model's exact solution; `clamped` False leaves out the clamp at 0."""
+    options = bench.options
+    quality = {"points": options.points, "directions": options.directions, "seed": options.seed}
+    path = bench.part(
+        "exact", model=model.id, values={k: str(v) for k, v in values.items()}, clamped=clamped,
+        **quality,
+    )  # fmt: skip
+    held = load(path)
+    if held is None:
+        image = image_of(
+            exact_image(
+                bench.renderer.scene,
+                model.id,
+                bench.renderer.width,
+                bench.renderer.height,
+                values,
+                control=control,
+                clamped=clamped,
+                **quality,
+            )
+        )
+        held = {"value": image.value, "variance": image.variance,
+                "degrees": np.array(image.degrees)}  # fmt: skip
+        store(path, **held)
+    return Image(held["value"], held["variance"], float(held["degrees"]))
+
+
+def field(bench: Bench, baked: Bake, control: Control) -> Figure:
+    """The numerical error of the baked field at camera-visible voxels."""
+    options = bench.options
+    path = bench.part(
+        "field", bake=baked.plan.hash, voxels=options.voxels, directions=options.voxel_directions,
+        seed=options.seed,
+    )  # fmt: skip
+    held = load(path)
+    if held is None:
+        scene = bench.renderer.scene
+        figure = field_error(
+            scene,
+            baked_volume(scene, baked.plan.path),
+            options.voxels,
+            options.voxel_directions,
+            options.seed,
+            control,
+        )
+        store(path, **asdict(figure))
+        return figure
+    return Figure(
+        float(held["relative_rmse"]),
+        float(held["noise"]),
+        float(held["bias"]),
+        float(held["bias_noise"]),
+        is_bound=bool(held["is_bound"]),
+    )
+
+
+def witness(
+    bench: Bench, model: Model, values: Values, mask: Mask, control: Control, report: Report
+) -> Agreement | None:
+    """Whether the renderer's own solution of the model's equation agrees with the exact image;
+    None where it has none. A witness does not clamp, so the exact image is taken without."""
+    operator = model.operator(values)
+    stopping = bench.stopping(0.25)
+
+    def draw(seed: int) -> Pixels:
+        pixels = bench.renderer.witness(operator, stopping.samples, seed)
+        if pixels is None:
+            raise NoWitnessError
+        return pixels
+
+    path = bench.part("witness", operator=repr(operator), samples=stopping.samples)
+    try:
+        tally = gather(path, draw, stopping, mask, control, report)
+    except NoWitnessError:
+        return None
+    truth = exact(bench, model, values, control, clamped=False)
+    return agreement(truth, tally.image(), mask)
+
+
+def _timing(seconds: NDArray[np.float64]) -> Timing:
+    return Timing(tuple(float(value) for value in seconds))

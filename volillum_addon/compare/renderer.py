@@ -1,0 +1,51 @@
+"""What the comparison needs of a renderer; `blender/` implements it with Cycles."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.scene import Scene
+from ..models.operator import Operator
+
+Pixels = NDArray[np.float32]
+
+
+class Renderer(Protocol):
+    """Images [height, width, 3] of one scene: linear radiance, no background, top row first.
+
+    A pixel is the mean over its square (box filter), independent of its neighbours (no denoising,
+    no adaptive sampling); images of different seeds are independent.
+    """
+
+    @property
+    def width(self) -> int:
+        """Pixels across."""
+
+    @property
+    def height(self) -> int:
+        """Pixels down."""
+
+    @property
+    def scene(self) -> Scene:
+        """What is rendered, as the models see it; it has a camera."""
+
+    def reference(self, bounces: int, samples: int, seed: int) -> Pixels:
+        """Unbiased scattering up to `bounces` volume bounces (0: single scattering)."""
+
+    def display(self, baked: Path, samples: int, seed: int) -> Pixels:
+        """The baked illumination through the display material."""
+
+    def witness(self, operator: Operator, samples: int, seed: int) -> Pixels | None:
+        """An image whose expectation solves the operator's equation, where the renderer's own
+        physics can do so; None elsewhere."""
+
+    def identity(self) -> dict[str, object]:
+        """All that the images depend on, as JSON values: versions, settings, medium, lights,
+        camera. Equal identities mean equal images."""
+
+    def versions(self) -> dict[str, str]:
+        """Names and versions of the software behind the images."""
