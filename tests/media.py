@@ -12,17 +12,24 @@ from volillum_addon.core.medium import Medium
 SIDEWAYS = 1e4
 
 
-def half_space(depth: float, slices: int = 32, below: int = 8) -> tuple[Medium, np.ndarray]:
+# Optical depth below the receiver that is as good as endless for light from below: e^-10 = 5e-5.
+ENDLESS = 10.0
+
+
+def half_space(depth: float, slices: int = 8, below: float = 0.25) -> tuple[Medium, np.ndarray]:
     """A medium of sigma_t = 1 below z = 0, and a voxel centre at optical depth `depth` [3].
+
+    `below` is how much of it lies below that voxel; ENDLESS where light from below matters.
 
     The trilinear border (1 at the last voxel, 0 one voxel further) has the optical depth of half a
     voxel, so the voxel `slices` below the top is slices + 1/2 voxels deep along any direction.
     """
     step = depth / (slices + 0.5)
+    under = int(np.ceil(below / step))
     affine = np.diag([SIDEWAYS, SIDEWAYS, step, 1.0])
-    affine[2, 3] = -depth - below * step
-    grid = Grid(np.ones((3, 3, slices + 1 + below), np.float32), affine, "half space")
-    return Medium(grid, grid), grid.to_world(np.array([1.0, 1.0, below]))
+    affine[2, 3] = -depth - under * step
+    grid = Grid(np.ones((3, 3, slices + 1 + under), np.float32), affine, "half space")
+    return Medium(grid, grid), grid.to_world(np.array([1.0, 1.0, float(under)]))
 
 
 def ball(
@@ -60,7 +67,7 @@ def smooth_random(shape: tuple[int, int, int], seed: int, depth: float = 4.0) ->
         indexing="ij",
     )
     spectrum *= np.exp(-sum(f**2 for f in frequencies) / 8)
-    field = np.fft.irfftn(spectrum, shape)
+    field = np.fft.irfftn(spectrum, shape, axes=(0, 1, 2))
     field = np.exp(field / field.std())
     edge = np.meshgrid(*(np.sin(np.pi * (np.arange(n) + 0.5) / n) for n in shape), indexing="ij")
     field *= edge[0] * edge[1] * edge[2]
