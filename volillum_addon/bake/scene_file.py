@@ -40,8 +40,8 @@ def write_scene(scene: Scene, path: Path | str) -> None:
 def read_scene(path: Path | str) -> Scene:
     """The scene that `write_scene` wrote. Raises InputError for any other file."""
     try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = dict(file)
+        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as members:
+            arrays = dict(members)
         grids = {
             name: Grid(
                 arrays[f"{name}.values"],
