@@ -26,17 +26,22 @@ def affine(seed: int, mirrored: bool = False) -> Array:
 
 
 def interpolate(values: NDArray[np.float32], index: Array) -> Array:
-    """Values at continuous indices [..., 3], zero outside the grid."""
-    padded = np.pad(values.astype(np.float64), 2)
-    shape = np.array(values.shape)
-    index = np.clip(index, -1.5, shape + 0.5) + 2
-    low = np.floor(index).astype(int)
-    fraction = index - low
-    result = np.zeros(index.shape[:-1])
+    """Values of grids [..., nx, ny, nz] at continuous indices [*points, 3], as [..., *points].
+
+    Zero outside the grid.
+    """
+    shape = np.array(values.shape[-3:])
+    grids = values.reshape(-1, *shape).astype(np.float64)
+    padded = np.pad(grids, [(0, 0), (2, 2), (2, 2), (2, 2)])
+    points = np.clip(index.reshape(-1, 3), -1.5, shape + 0.5) + 2
+    low = np.floor(points).astype(int)
+    fraction = points - low
+    result = np.zeros((len(grids), len(points)))
     for corner in np.ndindex(2, 2, 2):
         weight = np.prod(np.where(corner, fraction, 1 - fraction), axis=-1)
-        result += weight * padded[tuple(np.moveaxis(low + corner, -1, 0))]
-    return result
+        i, j, k = (low + corner).T
+        result += weight * padded[:, i, j, k]
+    return result.reshape(values.shape[:-3] + index.shape[:-1])
 
 
 class Ray:
