@@ -66,8 +66,8 @@ def test_f5_uniform_environment_in_a_half_space(depth: float, zonal: list[float]
     for order in (0, 3):
         volume = bake(Scene(medium, (SKY,)), MODEL, order=order, directions=4096, window="none")
         value = value_at(volume.in_scattered(), point)
-        # Exact for every order. 45 Gauss rings about a turned pole: exp(-t / mu) ends at the horizon
-        # with all derivatives zero, 2e-3 is left at t = 0.25.
+        # Exact for every order. 45 Gauss rings about a turned pole: exp(-t / mu) ends at the
+        # horizon with all derivatives zero, 2e-3 is left at t = 0.25.
         assert value == pytest.approx([expn(2, depth) / 2] * 3, rel=3e-3)
     assert coefficients(volume, point)[[0, 2, 6, 12]] == pytest.approx(zonal, abs=3e-3)
 

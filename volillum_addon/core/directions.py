@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import bad
+from .native import native
 
 # Successive rings of a cone rule are turned by the golden ratio of their step, so that no edge of
 # an occluder meets directions of several rings at once (measured on a knife edge:
@@ -17,7 +18,6 @@ GOLDEN = (math.sqrt(5) - 1) / 2
 # Sub-directions of a cone when it is spread over the directions of an AngularLattice: 8 x 32 keep
 # the spread's own error below 1e-3 of the weights, far below that of the lattice's spacing.
 SPREAD_RINGS, SPREAD_PER_RING = 8, 32
-SPREAD_BATCH = 64  # axes at a time: bounds the working memory to a few MB
 
 
 def frame(axis: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -121,32 +121,13 @@ class AngularLattice:
         sum to 1 for each cone."""
         local, local_weights = cone_rule(theta, SPREAD_RINGS * SPREAD_PER_RING)
         turned = axes @ frame(self.pole).T
-        count = len(self.directions)
-        weights = np.empty((len(axes), count), np.float32)
-        for begin in range(0, len(axes), SPREAD_BATCH):
-            some = turned[begin : begin + SPREAD_BATCH]
-            samples = np.einsum("sk,akl->asl", local, np.array([frame(axis) for axis in some]))
-            stretch = np.sqrt(2 / np.maximum(1 + samples[..., 2], 1e-12)) / self.spacing
-            place = samples[..., :2] * stretch[..., None] - self.first
-            low = np.clip(np.floor(place).astype(np.int64), 1, np.array(self.size) - 3)
-            share_u = _catmull_rom(place[..., 0] - low[..., 0])
-            share_v = _catmull_rom(place[..., 1] - low[..., 1])
-            row = np.arange(len(some))[:, None] * count
-            total = np.zeros(len(some) * count)
-            for du in range(4):
-                for dv in range(4):
-                    index = row + (low[..., 0] + du - 1) * self.size[1] + low[..., 1] + dv - 1
-                    share = share_u[du] * share_v[dv] * local_weights
-                    total += np.bincount(index.ravel(), share.ravel(), minlength=len(total))
-            weights[begin : begin + SPREAD_BATCH] = total.reshape(len(some), count)
-        return np.ascontiguousarray(weights.T)
-
-
-def _catmull_rom(t: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-    """Weights of the four neighbours of a position t in [0, 1) between the middle two."""
-    return (
-        t * (-0.5 + t * (1 - 0.5 * t)),
-        1 + t * t * (-2.5 + 1.5 * t),
-        t * (0.5 + t * (2 - 1.5 * t)),
-        t * t * (-0.5 + 0.5 * t),
-    )
+        return native.cone_weights(
+            np.ascontiguousarray(turned),
+            local,
+            local_weights,
+            spacing=self.spacing,
+            first_u=int(self.first[0]),
+            first_v=int(self.first[1]),
+            size_u=self.size[0],
+            size_v=self.size[1],
+        )
