@@ -1,0 +1,52 @@
+// Arguments of kernels: refuses arrays of the wrong type, shape or layout with words of our own,
+// because nanobind's refusal names none of them.
+#pragma once
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+
+#include <initializer_list>
+#include <string>
+
+namespace volillum {
+
+namespace nb = nanobind;
+using AnyArray = nb::ndarray<nb::ro, nb::device::cpu>;
+
+inline std::string shape_text(const AnyArray &array) {
+    std::string text = "(";
+    for (std::size_t axis = 0; axis < array.ndim(); ++axis)
+        text += (axis ? ", " : "") + std::to_string(array.shape(axis));
+    return text + (array.ndim() == 1 ? ",)" : ")");
+}
+
+// Throws nb::type_error or nb::value_error unless `array` is C-contiguous, of type Scalar and of
+// `shape`, where -1 allows any positive length and `axes` names what was expected.
+template <class Scalar>
+const Scalar *require(const AnyArray &array, const char *name, const char *axes,
+                      std::initializer_list<std::int64_t> shape) {
+    const std::string label = name;
+    if (array.dtype() != nb::dtype<Scalar>()) {
+        const std::string expected = sizeof(Scalar) == 4 ? "float32" : "float64";
+        throw nb::type_error((label + " has another type than " + expected + "; expected " +
+                              expected + " " + axes).c_str());
+    }
+    bool fits = array.ndim() == shape.size();
+    for (std::size_t axis = 0; fits && axis < shape.size(); ++axis) {
+        const std::int64_t wanted = shape.begin()[axis], found = std::int64_t(array.shape(axis));
+        fits = wanted < 0 ? found > 0 : found == wanted;
+    }
+    if (!fits)
+        throw nb::value_error((label + " has shape " + shape_text(array) + "; expected " + axes)
+                                  .c_str());
+    std::int64_t stride = 1;
+    for (std::size_t axis = array.ndim(); axis-- > 0;) {
+        if (array.shape(axis) > 1 && array.stride(axis) != stride)
+            throw nb::value_error((label + " is not C-contiguous; expected " + axes +
+                                   " in C order").c_str());
+        stride *= std::int64_t(array.shape(axis));
+    }
+    return static_cast<const Scalar *>(array.data());
+}
+
+}  // namespace volillum

@@ -1,0 +1,147 @@
+#include "sweep_lattice.h"
+
+#include <cstring>
+#include <limits>
+
+namespace volillum::sweep_detail {
+namespace {
+
+// Measured on 256^3: results of a batch of directions stay in a second-level cache of 1 MiB.
+constexpr int kBatchBytes = 512 * 1024;
+constexpr int kLargestBatch = 16;
+constexpr int kTileColumns = 128;
+
+int even_tile(int size, int largest, int multiple) {
+    const int tiles = (size + largest - 1) / largest;
+    const int tile = (size + tiles - 1) / tiles;
+    return (tile + multiple - 1) / multiple * multiple;
+}
+
+}  // namespace
+
+Tiling::Tiling(const Frame &frame_, std::size_t directions) : frame(frame_) {
+    // Thin slabs keep the skew of a tile's rays small; thick ones save copies where there are few
+    // directions.
+    slab_slices = directions < 4 ? 16 : 8;
+    tile_rows = even_tile(frame.rows, directions < 4 ? 32 : 16, 1);
+    tile_columns = even_tile(frame.columns, kTileColumns, kLanes);
+    slabs = (frame.slices + slab_slices - 1) / slab_slices;
+    row_tiles = (frame.rows + tile_rows - 1) / tile_rows;
+    column_tiles = (frame.columns + tile_columns - 1) / tile_columns;
+    const int bytes = slab_slices * tile_rows * round_up(tile_columns) * int(sizeof(Real));
+    batch = std::clamp(kBatchBytes / bytes, 1, kLargestBatch);
+}
+
+Box Tiling::box(int slab, int tile) const {
+    const int row = tile / column_tiles * tile_rows, column = tile % column_tiles * tile_columns;
+    return {{slab * slab_slices, std::min((slab + 1) * slab_slices, frame.slices)},
+            {row, std::min(row + tile_rows, frame.rows)},
+            {column, std::min(column + tile_columns, frame.columns)}};
+}
+
+Box Tiling::reach(const Box &tile, const Pass &pass) const {
+    double low_row = 0, high_row = 0, low_column = 0, high_column = 0;
+    for (const Direction &direction : pass.directions) {
+        low_row = std::min(low_row, direction.row_slope);
+        high_row = std::max(high_row, direction.row_slope);
+        low_column = std::min(low_column, direction.column_slope);
+        high_column = std::max(high_column, direction.column_slope);
+    }
+    // Outward from the tile's nearest slice, and one voxel on both sides for interpolation, one
+    // more for the lattice ray beside the first voxel.
+    const int slices = tile.slices.size() - 1 + pass.near_slices;
+    return {{tile.slices.begin - pass.near_slices, tile.slices.end},
+            {tile.rows.begin - 2 + int(std::floor(low_row * slices)),
+             tile.rows.end + 2 + int(std::ceil(high_row * slices))},
+            {tile.columns.begin - 2 + int(std::floor(low_column * slices)),
+             tile.columns.end + 2 + int(std::ceil(high_column * slices))}};
+}
+
+Box tail_reach(const Direction &direction, const Box &tile, const Pass &pass,
+               const RaySums &sums) {
+    const int distance = pass.near_slices + direction.tail;
+    const Range slices{tile.slices.begin - distance - 1, tile.slices.end - distance};
+    const Crossing first = direction.crossing(slices.begin);
+    const Crossing last = direction.crossing(slices.end - 1);
+    const auto [row_low, row_high] = std::minmax(first.row, last.row);
+    const auto [column_low, column_high] = std::minmax(first.column, last.column);
+    return {slices,
+            {sums.rows.begin + row_low, sums.rows.end + row_high + 1},
+            {sums.columns.begin + column_low, sums.columns.end + column_high + 1}};
+}
+
+void LatticePlanes::resize(const Frame &frame) {
+    rows_ = frame.rows;
+    columns_ = frame.columns;
+    for (int generation = 0; generation < 2; ++generation) {
+        high_[generation].assign(reals(frame) / 4, 0);
+        low_[generation].assign(reals(frame) / 4, 0);
+    }
+}
+
+bool LatticePlanes::load(int slab, const Crossing &crossing, RaySums &sums) const {
+    const Reals &high = high_[(slab - 1) & 1], &low = low_[(slab - 1) & 1];
+    const int row_begin = std::max(-1, sums.rows.begin + crossing.row);
+    const int row_end = std::min(rows_, sums.rows.end + crossing.row);
+    const int column_begin = std::max(-1, sums.columns.begin + crossing.column);
+    const int column_end = std::min(columns_, sums.columns.end + crossing.column);
+    if (column_end <= column_begin) return false;
+    bool filled = false;
+    for (int row = row_begin; row < row_end; ++row) {
+        const std::size_t from = offset(row, column_begin);
+        const std::size_t to = sums.offset(row - crossing.row, column_begin - crossing.column);
+        const int count = column_end - column_begin;
+        filled |= copy_row(high.data() + from, count, std::numeric_limits<Real>::max(),
+                           sums.high.data() + to);
+        std::memcpy(sums.low.data() + to, low.data() + from, std::size_t(count) * sizeof(Real));
+    }
+    return filled;
+}
+
+void LatticePlanes::store(int slab, const Crossing &crossing, const Box &tile,
+                          const RaySums &sums) {
+    const int row_begin = tile.rows.begin == 0 ? -1 : tile.rows.begin;
+    const int column_begin = tile.columns.begin == 0 ? -1 : tile.columns.begin;
+    const std::size_t bytes = std::size_t(tile.columns.end - column_begin) * sizeof(Real);
+    for (int row = row_begin; row < tile.rows.end; ++row) {
+        const std::size_t to = offset(row, column_begin);
+        const std::size_t from = sums.offset(row - crossing.row, column_begin - crossing.column);
+        std::memcpy(high_[slab & 1].data() + to, sums.high.data() + from, bytes);
+        std::memcpy(low_[slab & 1].data() + to, sums.low.data() + from, bytes);
+    }
+}
+
+Needs::Needs(const Pass &pass, const Tiling &tiling, const Weights &weights)
+    : slabs_(std::size_t(tiling.slabs)),
+      tiles_(std::size_t(tiling.row_tiles) * std::size_t(tiling.column_tiles)),
+      directions_(pass.directions.size()),
+      needs_(directions_ * slabs_ * tiles_, Need::nothing) {
+    for (std::size_t d = 0; d < directions_; ++d) {
+        const Direction &direction = pass.directions[d];
+        for (int slab = tiling.slabs - 1; slab >= 0; --slab)
+            for (int tile = 0; tile < int(tiles_); ++tile) {
+                const Box box = tiling.box(slab, tile);
+                Need &need = needs_[(d * slabs_ + std::size_t(slab)) * tiles_ + std::size_t(tile)];
+                if (weights.any(direction.index, pass.frame, box)) need = Need::values;
+                if (need == Need::nothing || slab == 0 || !direction.has_far_field) continue;
+                const RayRanges rays = rays_of(direction, box);
+                const Crossing before = direction.crossing(box.slices.begin - 1);
+                Need *sources = &needs_[(d * slabs_ + std::size_t(slab) - 1) * tiles_];
+                tiling.all_between(
+                    {rays.rows.begin + before.row, rays.rows.end + before.row},
+                    {rays.columns.begin + before.column, rays.columns.end + before.column},
+                    [&](int source) {
+                        if (sources[source] == Need::nothing) sources[source] = Need::sums;
+                        return true;
+                    });
+            }
+    }
+}
+
+bool Needs::any(int slab, int tile) const {
+    for (std::size_t d = 0; d < directions_; ++d)
+        if (of(slab, tile, d) != Need::nothing) return true;
+    return false;
+}
+
+}  // namespace volillum::sweep_detail

@@ -1,0 +1,89 @@
+// How a pass is cut into tiles, what passes from slab to slab between them, and which of them a
+// direction needs at all.
+#pragma once
+
+#include "sweep_weights.h"
+
+namespace volillum::sweep_detail {
+
+// Slabs of slices, cut into tiles of rows and columns. Sizes depend on the work alone, never on the
+// number of threads.
+struct Tiling {
+    const Frame &frame;
+    int slab_slices, tile_rows, tile_columns;
+    int slabs, row_tiles, column_tiles;
+    int batch;  // directions whose results are held at once
+
+    Tiling(const Frame &frame_, std::size_t directions);
+    Box box(int slab, int tile) const;
+    // The part of the grid that the rays and near fields of a tile touch.
+    Box reach(const Box &tile, const Pass &pass) const;
+    // Calls visit(other) for the tiles of the slab before in which rays of this tile may have been,
+    // until it returns false.
+    template <class Visit>
+    bool all_of_sources(int tile, Visit &&visit) const {
+        // Rays move by at most one row a slice, and a tile takes one ray more than it has rows.
+        const Box here = box(0, tile);
+        const int margin = slab_slices + 2;
+        return all_between({here.rows.begin - margin, here.rows.end + margin},
+                           {here.columns.begin - margin, here.columns.end + margin}, visit);
+    }
+    // The same for rows and columns of voxels.
+    template <class Visit>
+    bool all_between(const Range &rows, const Range &columns, Visit &&visit) const {
+        const auto tile_of = [](int index, int size, int tiles) {
+            return std::clamp(index / size, 0, tiles - 1);
+        };
+        for (int i = tile_of(rows.begin, tile_rows, row_tiles);
+             i <= tile_of(rows.end - 1, tile_rows, row_tiles); ++i)
+            for (int j = tile_of(columns.begin, tile_columns, column_tiles);
+                 j <= tile_of(columns.end - 1, tile_columns, column_tiles); ++j)
+                if (!visit(i * column_tiles + j)) return false;
+        return true;
+    }
+};
+
+// The part of the grid in which a direction's rays through a tile end.
+Box tail_reach(const Direction &direction, const Box &tile, const Pass &pass, const RaySums &sums);
+
+// One direction's sums of all lattice rays where they cross from slab to slab, by the place where
+// they meet the last slice; rays that have not entered the grid hold 0. Two generations: a tile may
+// still read the old one while its neighbours write the new.
+class LatticePlanes {
+public:
+    static std::size_t reals(const Frame &frame) {
+        return 4 * std::size_t(frame.rows + 1) * std::size_t(frame.columns + 1);
+    }
+    void resize(const Frame &frame);
+    // Fills `sums` for a tile of `slab`; `crossing` is that of the slice before. Returns whether
+    // any differs from 0.
+    bool load(int slab, const Crossing &crossing, RaySums &sums) const;
+    // Stores the rays that a tile of `slab` owns; `crossing` is that of its last slice.
+    void store(int slab, const Crossing &crossing, const Box &tile, const RaySums &sums);
+
+private:
+    std::size_t offset(int row, int column) const {
+        return std::size_t(row + 1) * std::size_t(columns_ + 1) + std::size_t(column + 1);
+    }
+    int rows_ = 0, columns_ = 0;
+    Reals high_[2], low_[2];
+};
+
+// What a direction has to do in a tile: nothing where its weights are zero and no ray goes on to
+// a tile that needs it, only the sums where one does.
+enum class Need : unsigned char { nothing, sums, values };
+
+class Needs {
+public:
+    Needs(const Pass &pass, const Tiling &tiling, const Weights &weights);
+    Need of(int slab, int tile, std::size_t direction) const {
+        return needs_[(direction * slabs_ + std::size_t(slab)) * tiles_ + std::size_t(tile)];
+    }
+    bool any(int slab, int tile) const;
+
+private:
+    std::size_t slabs_, tiles_, directions_;
+    std::vector<Need> needs_;
+};
+
+}  // namespace volillum::sweep_detail

@@ -1,0 +1,156 @@
+// Copies into and out of a tile, and the weighted sums over directions.
+#include "sweep_tile.h"
+
+#include <type_traits>
+
+namespace volillum::sweep_detail {
+namespace {
+
+// Whether any of many numbers differs from 0 is asked of their bits: that is vector code.
+using Bits = std::conditional_t<sizeof(Real) == 4, std::uint32_t, std::uint64_t>;
+
+Range clip(const Range &range, int size) {
+    const int begin = std::clamp(range.begin, 0, size);
+    return {begin, std::max(begin, std::min(range.end, size))};
+}
+
+VOLILLUM_INLINE Real clipped(Real value, Real largest) {
+    return value < largest ? value : largest;
+}
+
+}  // namespace
+
+VOLILLUM_DISPATCH bool copy_row(const Real *source, int count, Real largest, Real *target) {
+    const Real *__restrict from = source;
+    Real *__restrict to = target;
+    Bits bits = 0;
+    for (int c = 0; c < count; ++c) {
+        const Real value = clipped(from[c], largest);
+        to[c] = value;
+        bits |= std::bit_cast<Bits>(value);
+    }
+    return bits != 0;
+}
+
+bool Block::load(const Frame &frame, const Real *sigma_t, Real largest, const Box &box) {
+    box_ = box;
+    // One lane beyond: kernels read whole vectors. An odd number of lanes keeps the rows of a
+    // column in different cache sets.
+    row_pitch_ = round_up(box.columns.size()) + kLanes;
+    if (row_pitch_ / kLanes % 2 == 0) row_pitch_ += kLanes;
+    slice_pitch_ = row_pitch_ * box.rows.size();
+    const std::size_t size = std::size_t(slice_pitch_) * std::size_t(box.slices.size());
+    if (data_.size() < size + 4 * kLanes) data_.resize(size + 4 * kLanes);
+
+    const Range slices = clip(box.slices, frame.slices), rows = clip(box.rows, frame.rows),
+                columns = clip(box.columns, frame.columns);
+    bool filled = false;
+    for (int t = box.slices.begin; t < box.slices.end; ++t)
+        for (int b = box.rows.begin; b < box.rows.end; ++b) {
+            Real *row = const_cast<Real *>(at(t, b, box.columns.begin));
+            Real *row_end = row + box.columns.size();
+            if (t < slices.begin || t >= slices.end || b < rows.begin || b >= rows.end ||
+                columns.size() == 0) {
+                std::fill(row, row_end, Real(0));
+                continue;
+            }
+            Real *inside = row + (columns.begin - box.columns.begin);
+            std::fill(row, inside, Real(0));
+            filled |= copy_row(sigma_t + frame.element(t, b, columns.begin), columns.size(), largest,
+                               inside);
+            std::fill(inside + columns.size(), row_end, Real(0));
+        }
+    return filled;
+}
+
+void RaySums::reset(const RayRanges &rays) {
+    rows = rays.rows;
+    columns = {rays.columns.begin, rays.columns.begin + round_up(rays.columns.size())};
+    const std::size_t size = std::size_t(rows.size()) * std::size_t(columns.size());
+    high.assign(size, 0);
+    low.assign(size, 0);
+}
+
+VOLILLUM_DISPATCH void weigh(const Real *values, std::size_t value_stride, int directions,
+                             const Real *weights, int channels, int lanes, Real *sums) {
+    for (int i = 0; i < lanes; i += kLanes) {
+        const Real *p = values + i, *w = weights;
+        if (channels == 1) {
+            Pack s = w[0] * pack(p);
+            for (int d = 1; d < directions; ++d)
+                s += w[d * kChannelGroup] * pack(p += value_stride);
+            pack(sums + i) = s;
+            continue;
+        }
+        Pack s0{}, s1{}, s2{}, s3{};
+        for (int d = 0; d < directions; ++d, p += value_stride, w += kChannelGroup) {
+            const Pack value = pack(p);
+            s0 += w[0] * value;
+            s1 += w[1] * value;
+            s2 += w[2] * value;
+            s3 += w[3] * value;
+        }
+        pack(sums + i) = s0;
+        pack(sums + lanes + i) = s1;
+        pack(sums + 2 * lanes + i) = s2;
+        pack(sums + 3 * lanes + i) = s3;
+    }
+}
+
+VOLILLUM_DISPATCH void multiply_add(const Real *values, const Real *weights, int lanes,
+                                    Real *sums) {
+    const Real *__restrict p = values;
+    const Real *__restrict w = weights;
+    Real *__restrict sum = sums;
+    for (int i = 0; i < lanes; ++i) sum[i] += w[i] * p[i];
+}
+
+VOLILLUM_DISPATCH void emit_row(const Real *sums, int count, bool add, Real *out) {
+    const Real *__restrict from = sums;
+    Real *__restrict to = out;
+    if (add)
+        for (int i = 0; i < count; ++i) to[i] += from[i];
+    else
+        for (int i = 0; i < count; ++i) to[i] = from[i];
+}
+
+VOLILLUM_DISPATCH void transpose(const Real *source, int rows, int columns, Real *target) {
+    using Four [[gnu::vector_size(4 * sizeof(Real))]] = Real;
+    using LooseFour [[gnu::vector_size(4 * sizeof(Real)), gnu::aligned(alignof(Real)),
+                      gnu::may_alias]] = Real;
+    constexpr int side = 32;  // source and target blocks stay in the first-level cache
+    for (int r0 = 0; r0 < rows; r0 += side)
+        for (int c0 = 0; c0 < columns; c0 += side) {
+            const int r1 = std::min(r0 + side, rows), c1 = std::min(c0 + side, columns);
+            for (int r = r0; r < r1; r += 4)
+                for (int c = c0; c < c1; c += 4) {
+                    const Real *from = source + std::ptrdiff_t(r) * columns + c;
+                    Real *to = target + std::ptrdiff_t(c) * rows + r;
+                    if (r + 4 > r1 || c + 4 > c1) {
+                        for (int i = 0; i < std::min(4, r1 - r); ++i)
+                            for (int j = 0; j < std::min(4, c1 - c); ++j)
+                                to[std::ptrdiff_t(j) * rows + i] =
+                                    from[std::ptrdiff_t(i) * columns + j];
+                        continue;
+                    }
+                    const auto row = [&](int i) {
+                        return reinterpret_cast<const LooseFour *>(from +
+                                                                   std::ptrdiff_t(i) * columns);
+                    };
+                    const Four a = *row(0), b = *row(1), d = *row(2), e = *row(3);
+                    const Four ab = __builtin_shufflevector(a, b, 0, 4, 1, 5);
+                    const Four AB = __builtin_shufflevector(a, b, 2, 6, 3, 7);
+                    const Four de = __builtin_shufflevector(d, e, 0, 4, 1, 5);
+                    const Four DE = __builtin_shufflevector(d, e, 2, 6, 3, 7);
+                    const auto column = [&](int j) {
+                        return reinterpret_cast<LooseFour *>(to + std::ptrdiff_t(j) * rows);
+                    };
+                    *column(0) = __builtin_shufflevector(ab, de, 0, 1, 4, 5);
+                    *column(1) = __builtin_shufflevector(ab, de, 2, 3, 6, 7);
+                    *column(2) = __builtin_shufflevector(AB, DE, 0, 1, 4, 5);
+                    *column(3) = __builtin_shufflevector(AB, DE, 2, 3, 6, 7);
+                }
+        }
+}
+
+}  // namespace volillum::sweep_detail

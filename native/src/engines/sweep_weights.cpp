@@ -1,0 +1,93 @@
+#include "sweep_weights.h"
+
+namespace volillum::sweep_detail {
+
+bool ConstantWeights::any(int direction, const Frame &, const Box &) const {
+    const Real *row = weights_ + std::ptrdiff_t(direction) * channels_;
+    return std::any_of(row, row + channels_, [](Real weight) { return weight != 0; });
+}
+
+void ConstantWeights::sum(const Batch &batch, int t, int b, int first_channel, int channels,
+                          Reals &scratch, Real *sums) const {
+    scratch.assign(batch.directions.size() * kChannelGroup, 0);
+    for (std::size_t d = 0; d < batch.directions.size(); ++d)
+        for (int channel = 0; channel < channels; ++channel)
+            scratch[d * kChannelGroup + std::size_t(channel)] =
+                weights_[std::ptrdiff_t(batch.directions[d]) * channels_ + first_channel + channel];
+    weigh(batch.row(t, b), batch.direction_stride, int(batch.directions.size()), scratch.data(),
+          channels, batch.lanes, sums);
+}
+
+LatticeWeights::LatticeWeights(const Real *weights, const Index3 &shape, int spacing)
+    : weights_(weights), spacing_(spacing) {
+    for (int axis = 0; axis < 3; ++axis) nodes_[axis] = weight_nodes(shape[axis], spacing);
+    strides_[2] = 1;
+    strides_[1] = nodes_[2];
+    strides_[0] = std::ptrdiff_t(nodes_[1]) * nodes_[2];
+    direction_stride_ = nodes_[0] * strides_[0];
+}
+
+bool LatticeWeights::any(int direction, const Frame &frame, const Box &box) const {
+    const auto nodes = [&](int axis, int low, int high) {
+        return Range{low / spacing_,
+                     std::min((high + spacing_ - 1) / spacing_, nodes_[axis] - 1) + 1};
+    };
+    const int end = frame.index_along_axis(box.slices.begin);
+    const int other_end = frame.index_along_axis(box.slices.end - 1);
+    const Range a = nodes(frame.axis, std::min(end, other_end), std::max(end, other_end));
+    const Range b = nodes(frame.row_axis, box.rows.begin, box.rows.end - 1);
+    const Range c = nodes(frame.column_axis, box.columns.begin, box.columns.end - 1);
+    for (int i = a.begin; i < a.end; ++i)
+        for (int j = b.begin; j < b.end; ++j)
+            for (int k = c.begin; k < c.end; ++k)
+                if (weights_[direction * direction_stride_ + i * strides_[frame.axis] +
+                             j * strides_[frame.row_axis] + k * strides_[frame.column_axis]] != 0)
+                    return true;
+    return false;
+}
+
+void LatticeWeights::sum(const Batch &batch, int t, int b, int, int, Reals &scratch,
+                         Real *sums) const {
+    const Frame &frame = batch.frame;
+    const Range &columns = batch.tile.columns;
+    // The nodes on both sides of an index along an axis, and the fraction between them.
+    struct Between {
+        std::ptrdiff_t lower, upper;
+        Real fraction;
+    };
+    const auto between = [&](int axis, int index) {
+        const int node = index / spacing_;
+        return Between{node * strides_[axis],
+                       std::min(node + 1, nodes_[axis] - 1) * strides_[axis],
+                       Real(index - node * spacing_) / Real(spacing_)};
+    };
+    const Between along = between(frame.axis, frame.index_along_axis(t));
+    const Between row = between(frame.row_axis, b);
+    const Real w00 = (1 - along.fraction) * (1 - row.fraction);
+    const Real w01 = (1 - along.fraction) * row.fraction;
+    const Real w10 = along.fraction * (1 - row.fraction), w11 = along.fraction * row.fraction;
+    scratch.assign(std::size_t(batch.lanes), 0);
+    std::fill(sums, sums + batch.lanes, Real(0));
+    for (std::size_t d = 0; d < batch.directions.size(); ++d) {
+        const Real *nodes = weights_ + batch.directions[d] * direction_stride_;
+        const auto node_weight = [&](std::ptrdiff_t column) {
+            return w00 * nodes[along.lower + row.lower + column] +
+                   w01 * nodes[along.lower + row.upper + column] +
+                   w10 * nodes[along.upper + row.lower + column] +
+                   w11 * nodes[along.upper + row.upper + column];
+        };
+        for (int c = columns.begin; c < columns.end;) {  // one interval between nodes at a time
+            const Between column = between(frame.column_axis, c);
+            const int end = std::min(columns.end, (c / spacing_ + 1) * spacing_);
+            const Real first = node_weight(column.lower);
+            const Real slope = (node_weight(column.upper) - first) / Real(spacing_);
+            const int interval = c / spacing_ * spacing_;
+            for (; c < end; ++c)
+                scratch[std::size_t(c - columns.begin)] = first + slope * Real(c - interval);
+        }
+        multiply_add(batch.row(t, b) + d * batch.direction_stride, scratch.data(), batch.lanes,
+                     sums);
+    }
+}
+
+}  // namespace volillum::sweep_detail

@@ -1,0 +1,65 @@
+// The weights with which the directions of a sweep are summed at each voxel.
+#pragma once
+
+#include "sweep_tile.h"
+
+namespace volillum::sweep_detail {
+
+// A batch of directions' results in one tile: value of direction d at slice t, row b, padded column
+// c is values[d * direction_stride + ((t - begin) * rows + b - begin) * lanes + c].
+struct Batch {
+    const Frame &frame;
+    const Box &tile;
+    const std::vector<int> &directions;  // indices into the caller's list
+    const Real *values;
+    std::size_t direction_stride;
+    int lanes;
+    const Real *row(int t, int b) const {
+        return values + std::size_t((t - tile.slices.begin) * tile.rows.size() + b -
+                                    tile.rows.begin) * std::size_t(lanes);
+    }
+};
+
+class Weights {
+public:
+    virtual ~Weights() = default;
+    virtual int channels() const = 0;
+    // Whether a direction counts for any voxel of a box of a frame.
+    virtual bool any(int direction, const Frame &frame, const Box &box) const = 0;
+    // sums[channel * batch.lanes + c]: the weighted sum at slice t and row b of up to kChannelGroup
+    // channels from `first_channel` on.
+    virtual void sum(const Batch &batch, int t, int b, int first_channel, int channels,
+                     Reals &scratch, Real *sums) const = 0;
+};
+
+// The same weights [d, c] at every voxel.
+class ConstantWeights : public Weights {
+public:
+    ConstantWeights(const Real *weights, int channels) : weights_(weights), channels_(channels) {}
+    int channels() const override { return channels_; }
+    bool any(int direction, const Frame &, const Box &) const override;
+    void sum(const Batch &batch, int t, int b, int first_channel, int channels,
+             Reals &scratch, Real *sums) const override;
+
+private:
+    const Real *weights_;
+    int channels_;
+};
+
+// Trilinear between nodes [d, a, b, c] at the voxels (a, b, c) * spacing.
+class LatticeWeights : public Weights {
+public:
+    LatticeWeights(const Real *weights, const Index3 &shape, int spacing);
+    int channels() const override { return 1; }
+    bool any(int direction, const Frame &frame, const Box &box) const override;
+    void sum(const Batch &batch, int t, int b, int first_channel, int channels,
+             Reals &scratch, Real *sums) const override;
+
+private:
+    const Real *weights_;
+    int spacing_;
+    Index3 nodes_;
+    std::ptrdiff_t strides_[3], direction_stride_;
+};
+
+}  // namespace volillum::sweep_detail
