@@ -28,7 +28,7 @@ done
     "on Debian: apt-get install g++"
 python=$(tools/find_python.sh 2>&1) || fail "$python"
 
-echo "Setting up .venv with $python and $compiler (about 500 MB are fetched the first time) ..."
+echo "Setting up .venv with $python and $compiler (some minutes: about 550 MB to fetch) ..."
 log=build/setup.log
 mkdir -p build
 # A build folder remembers the interpreter of the old environment.

@@ -51,12 +51,18 @@ def disable_and_remove() -> None:
 
 
 def left_over() -> list[str]:
-    """The files that remain of the extension or of its wheels, without Blender's own records."""
+    """The files that remain of the extension or of its wheels, without Blender's own records.
+
+    Blender forgets the byte code of a wheel's top-level module (OpenEXR's Imath), which Python, not
+    the extension, wrote.
+    """
     records = (EXTENSIONS / ".cache", EXTENSIONS / REPOSITORY / ".blender_ext")
     return [
         path.relative_to(EXTENSIONS).as_posix()
         for path in EXTENSIONS.rglob("*")
-        if path.is_file() and not any(path.is_relative_to(record) for record in records)
+        if path.is_file()
+        and not (path.suffix == ".pyc" and path.parents[1].name == "site-packages")
+        and not any(path.is_relative_to(record) for record in records)
     ]
 
 
