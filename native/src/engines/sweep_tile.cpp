@@ -56,8 +56,8 @@ bool Block::load(const Frame &frame, const Real *sigma_t, Real largest, const Bo
             }
             Real *inside = row + (columns.begin - box.columns.begin);
             std::fill(row, inside, Real(0));
-            filled |= copy_row(sigma_t + frame.element(t, b, columns.begin), columns.size(), largest,
-                               inside);
+            filled |= copy_row(sigma_t + frame.element(t, b, columns.begin), columns.size(),
+                               largest, inside);
             std::fill(inside + columns.size(), row_end, Real(0));
         }
     return filled;
@@ -116,8 +116,6 @@ VOLILLUM_DISPATCH void emit_row(const Real *sums, int count, bool add, Real *out
 
 VOLILLUM_DISPATCH void transpose(const Real *source, int rows, int columns, Real *target) {
     using Four [[gnu::vector_size(4 * sizeof(Real))]] = Real;
-    using LooseFour [[gnu::vector_size(4 * sizeof(Real)), gnu::aligned(alignof(Real)),
-                      gnu::may_alias]] = Real;
     constexpr int side = 32;  // source and target blocks stay in the first-level cache
     for (int r0 = 0; r0 < rows; r0 += side)
         for (int c0 = 0; c0 < columns; c0 += side) {
@@ -133,22 +131,20 @@ VOLILLUM_DISPATCH void transpose(const Real *source, int rows, int columns, Real
                                     from[std::ptrdiff_t(i) * columns + j];
                         continue;
                     }
-                    const auto row = [&](int i) {
-                        return reinterpret_cast<const LooseFour *>(from +
-                                                                   std::ptrdiff_t(i) * columns);
-                    };
-                    const Four a = *row(0), b = *row(1), d = *row(2), e = *row(3);
-                    const Four ab = __builtin_shufflevector(a, b, 0, 4, 1, 5);
-                    const Four AB = __builtin_shufflevector(a, b, 2, 6, 3, 7);
-                    const Four de = __builtin_shufflevector(d, e, 0, 4, 1, 5);
-                    const Four DE = __builtin_shufflevector(d, e, 2, 6, 3, 7);
-                    const auto column = [&](int j) {
-                        return reinterpret_cast<LooseFour *>(to + std::ptrdiff_t(j) * rows);
-                    };
-                    *column(0) = __builtin_shufflevector(ab, de, 0, 1, 4, 5);
-                    *column(1) = __builtin_shufflevector(ab, de, 2, 3, 6, 7);
-                    *column(2) = __builtin_shufflevector(AB, DE, 0, 1, 4, 5);
-                    *column(3) = __builtin_shufflevector(AB, DE, 2, 3, 6, 7);
+                    // Copies, because rows of an odd width are aligned to one value only.
+                    Four in[4];
+                    for (int i = 0; i < 4; ++i)
+                        __builtin_memcpy(&in[i], from + std::ptrdiff_t(i) * columns, sizeof(Four));
+                    const Four low01 = __builtin_shufflevector(in[0], in[1], 0, 4, 1, 5);
+                    const Four high01 = __builtin_shufflevector(in[0], in[1], 2, 6, 3, 7);
+                    const Four low23 = __builtin_shufflevector(in[2], in[3], 0, 4, 1, 5);
+                    const Four high23 = __builtin_shufflevector(in[2], in[3], 2, 6, 3, 7);
+                    const Four turned[4] = {__builtin_shufflevector(low01, low23, 0, 1, 4, 5),
+                                            __builtin_shufflevector(low01, low23, 2, 3, 6, 7),
+                                            __builtin_shufflevector(high01, high23, 0, 1, 4, 5),
+                                            __builtin_shufflevector(high01, high23, 2, 3, 6, 7)};
+                    for (int j = 0; j < 4; ++j)
+                        __builtin_memcpy(to + std::ptrdiff_t(j) * rows, &turned[j], sizeof(Four));
                 }
         }
 }
