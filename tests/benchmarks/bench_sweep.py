@@ -13,8 +13,9 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-import volillum_native
 from numpy.typing import NDArray
+
+import volillum_native
 
 IDENTITY = np.eye(4)
 
@@ -116,7 +117,9 @@ def main() -> None:
                     sigma_t, IDENTITY, directions, weights, near_slices=near, threads=threads
                 )
 
-            report(f"{count} directions x {channels}", near, count, channels, measure(many, repeats))
+            report(
+                f"{count} directions x {channels}", near, count, channels, measure(many, repeats)
+            )
 
 
 if __name__ == "__main__":

@@ -14,15 +14,15 @@ enum class Quantity { transmittance, optical_depth };
 
 struct SweepSettings {
     double radius = std::numeric_limits<double>::infinity();  // world units
-    int near_slices = 4;   // slices from each voxel that are integrated exactly
+    int near_slices = 4;  // slices from each voxel that are integrated exactly
     Quantity quantity = Quantity::transmittance;
-    int threads = 0;       // 0: all cores
+    int threads = 0;  // 0: all cores
     Control *control = nullptr;
 };
 
 // The medium and the directions: outward unit vectors in world space, `count` of them, row-major.
 struct SweepScene {
-    const Real *sigma_t;           // [n0, n1, n2], C-contiguous
+    const Real *sigma_t;  // [n0, n1, n2], C-contiguous
     Index3 shape;
     const double *index_to_world;  // row-major 4 x 4; only the linear part matters
     const double *directions;
@@ -34,7 +34,9 @@ void sweep(const SweepScene &scene, const Real *weights, int channels,
            const SweepSettings &settings, Real *out);
 
 // Nodes of the weight lattice of sweep_weighted along an axis of `size` voxels.
-constexpr int weight_nodes(int size, int spacing) { return (size - 2 + spacing) / spacing + 1; }
+constexpr int weight_nodes(int size, int spacing) {
+    return (size - 2 + spacing) / spacing + 1;
+}
 
 // out = sum_d w_d(x) Q(x, directions[d]); w_d is the trilinear interpolant of weights[d, a, b, c],
 // given at the voxels (a, b, c) * spacing. out is [n0, n1, n2], zero on entry.

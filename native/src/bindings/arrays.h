@@ -28,8 +28,9 @@ const Scalar *require(const AnyArray &array, const char *name, const char *axes,
     const std::string label = name;
     if (array.dtype() != nb::dtype<Scalar>()) {
         const std::string expected = sizeof(Scalar) == 4 ? "float32" : "float64";
-        throw nb::type_error((label + " has another type than " + expected + "; expected " +
-                              expected + " " + axes).c_str());
+        throw nb::type_error(
+            (label + " has another type than " + expected + "; expected " + expected + " " + axes)
+                .c_str());
     }
     bool fits = array.ndim() == shape.size();
     for (std::size_t axis = 0; fits && axis < shape.size(); ++axis) {
@@ -37,13 +38,13 @@ const Scalar *require(const AnyArray &array, const char *name, const char *axes,
         fits = wanted < 0 ? found > 0 : found == wanted;
     }
     if (!fits)
-        throw nb::value_error((label + " has shape " + shape_text(array) + "; expected " + axes)
-                                  .c_str());
+        throw nb::value_error(
+            (label + " has shape " + shape_text(array) + "; expected " + axes).c_str());
     std::int64_t stride = 1;
     for (std::size_t axis = array.ndim(); axis-- > 0;) {
         if (array.shape(axis) > 1 && array.stride(axis) != stride)
-            throw nb::value_error((label + " is not C-contiguous; expected " + axes +
-                                   " in C order").c_str());
+            throw nb::value_error(
+                (label + " is not C-contiguous; expected " + axes + " in C order").c_str());
         stride *= std::int64_t(array.shape(axis));
     }
     return static_cast<const Scalar *>(array.data());

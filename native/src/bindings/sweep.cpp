@@ -25,6 +25,15 @@ namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
+bool is_real_array(nb::handle handle) {
+    return nb::isinstance<nb::ndarray<Real>>(handle);
+}
+
+// An array that numpy made; the signature says of what.
+struct RealArray : nb::object {
+    NB_OBJECT_DEFAULT(RealArray, nb::object, "numpy.typing.NDArray[numpy.float32]", is_real_array)
+};
+
 SweepScene read_scene(const AnyArray &sigma_t, const AnyArray &index_to_world,
                       const AnyArray &directions) {
     SweepScene scene;
@@ -48,23 +57,23 @@ SweepScene read_scene(const AnyArray &sigma_t, const AnyArray &index_to_world,
 Quantity read_quantity(const std::string &name) {
     if (name == "transmittance") return Quantity::transmittance;
     if (name == "optical_depth") return Quantity::optical_depth;
-    throw nb::value_error(("quantity is '" + name +
-                           "'; expected 'transmittance' or 'optical_depth'").c_str());
+    throw nb::value_error(
+        ("quantity is '" + name + "'; expected 'transmittance' or 'optical_depth'").c_str());
 }
 
 // A new float32 array of zeros that owns its memory, made by numpy so that large ones get the
 // pages that numpy asks for.
 template <class... Sizes>
-std::pair<nb::object, Real *> zeros(Sizes... sizes) {
+std::pair<RealArray, Real *> zeros(Sizes... sizes) {
     nb::object array = nb::module_::import_("numpy").attr("zeros")(
         nb::make_tuple(sizes...), sizeof(Real) == 4 ? "float32" : "float64");
     const auto view = nb::cast<nb::ndarray<Real, nb::c_contig, nb::device::cpu>>(array);
-    return {array, view.data()};
+    return {nb::borrow<RealArray>(array), view.data()};
 }
 
-nb::object sweep(const AnyArray &sigma_t, const AnyArray &index_to_world,
-                 const AnyArray &directions, const AnyArray &weights, double radius,
-                 int near_slices, const std::string &quantity, int threads, Control *control) {
+RealArray sweep(const AnyArray &sigma_t, const AnyArray &index_to_world, const AnyArray &directions,
+                const AnyArray &weights, double radius, int near_slices,
+                const std::string &quantity, int threads, Control *control) {
     const SweepScene scene = read_scene(sigma_t, index_to_world, directions);
     const Real *weight =
         require<Real>(weights, "weights", "[d, c], one row per direction", {scene.count, -1});
@@ -78,9 +87,9 @@ nb::object sweep(const AnyArray &sigma_t, const AnyArray &index_to_world,
     return out;
 }
 
-nb::object sweep_weighted(const AnyArray &sigma_t, const AnyArray &index_to_world,
-                          const AnyArray &directions, const AnyArray &weights, int spacing,
-                          double radius, int near_slices, int threads, Control *control) {
+RealArray sweep_weighted(const AnyArray &sigma_t, const AnyArray &index_to_world,
+                         const AnyArray &directions, const AnyArray &weights, int spacing,
+                         double radius, int near_slices, int threads, Control *control) {
     const SweepScene scene = read_scene(sigma_t, index_to_world, directions);
     if (spacing < 1)
         throw nb::value_error(
@@ -145,8 +154,7 @@ void bind_sweep(nb::module_ &module) {
                nb::kw_only(), "radius"_a = infinity, "near_slices"_a = 4,
                "quantity"_a = "transmittance", "threads"_a = 0, "control"_a = nb::none(),
                sweep_doc);
-    module.def("sweep_weighted", &sweep_weighted, "sigma_t"_a, "index_to_world"_a,
-               "directions"_a, "weights"_a, "spacing"_a, nb::kw_only(), "radius"_a = infinity,
-               "near_slices"_a = 4, "threads"_a = 0, "control"_a = nb::none(),
-               sweep_weighted_doc);
+    module.def("sweep_weighted", &sweep_weighted, "sigma_t"_a, "index_to_world"_a, "directions"_a,
+               "weights"_a, "spacing"_a, nb::kw_only(), "radius"_a = infinity, "near_slices"_a = 4,
+               "threads"_a = 0, "control"_a = nb::none(), sweep_weighted_doc);
 }

@@ -34,7 +34,8 @@ public:
             for (const Direction &direction : pass.directions)
                 longest_step_ = std::max(longest_step_, double(direction.slice_length));
         // Keeps every optical depth, and with it every sum, finite whatever the input.
-        const double steps = 2.0 * (std::max({scene_.shape[0], scene_.shape[1], scene_.shape[2]}) + 2);
+        const double steps =
+            2.0 * (std::max({scene_.shape[0], scene_.shape[1], scene_.shape[2]}) + 2);
         largest_ = Real(std::min(1e30, 1e36 / (steps * std::max(1.0, longest_step_))));
         std::size_t directions_done = 0;
         workspaces_.resize(std::size_t(thread_count(settings_.threads)));
@@ -45,7 +46,8 @@ public:
             const std::size_t at_once = directions_at_once(pass.frame);
             for (std::size_t first = 0; first < pass.directions.size(); first += at_once) {
                 const std::size_t end = std::min(first + at_once, pass.directions.size());
-                const Pass part{pass.frame, pass.near_slices,
+                const Pass part{pass.frame,
+                                pass.near_slices,
                                 {pass.directions.begin() + std::ptrdiff_t(first),
                                  pass.directions.begin() + std::ptrdiff_t(end)}};
                 march_pass(part, double(directions_done) / scene_.count,
@@ -90,8 +92,8 @@ private:
 
     std::size_t directions_at_once(const Frame &frame) const {
         const std::size_t planes = LatticePlanes::reals(frame);
-        const std::size_t grid = std::size_t(frame.slices) * std::size_t(frame.rows) *
-                                 std::size_t(frame.columns);
+        const std::size_t grid =
+            std::size_t(frame.slices) * std::size_t(frame.rows) * std::size_t(frame.columns);
         return std::max<std::size_t>(1, grid / planes);
     }
 
@@ -125,10 +127,9 @@ private:
                            workspaces_[std::size_t(thread)]);
                 slabs_done[std::size_t(tile)].store(slab + 1, std::memory_order_release);
                 if (settings_.control)
-                    settings_.control->set_progress(progress_begin +
-                                                    (progress_end - progress_begin) *
-                                                        double(items_done.fetch_add(1) + 1) /
-                                                        double(items));
+                    settings_.control->set_progress(
+                        progress_begin + (progress_end - progress_begin) *
+                                             double(items_done.fetch_add(1) + 1) / double(items));
             } catch (...) {
                 aborted.store(true);
                 throw;
@@ -191,10 +192,10 @@ private:
             march({direction, box, space.block, tail, pass.near_slices, settings_.quantity,
                    space.sums, space.scratch, values});
         else if (values)
-            std::fill_n(values,
-                        std::size_t(box.slices.size() * box.rows.size() *
-                                    round_up(box.columns.size())),
-                        settings_.quantity == Quantity::transmittance ? Real(1) : Real(0));
+            std::fill_n(
+                values,
+                std::size_t(box.slices.size() * box.rows.size() * round_up(box.columns.size())),
+                settings_.quantity == Quantity::transmittance ? Real(1) : Real(0));
         if (slab + 1 < tiling.slabs && direction.has_far_field)
             planes.store(slab, direction.crossing(box.slices.end - 1), box, space.sums);
     }
@@ -208,7 +209,8 @@ private:
             for (int t = tile.slices.begin; t < tile.slices.end; ++t)
                 for (int b = tile.rows.begin; b < tile.rows.end; ++b) {
                     weights_.sum(batch, t, b, first, channels, space.weights, sums);
-                    Real *out = out_ + first * voxels() + batch.frame.element(t, b, tile.columns.begin);
+                    Real *out =
+                        out_ + first * voxels() + batch.frame.element(t, b, tile.columns.begin);
                     for (int channel = 0; channel < channels; ++channel)
                         emit_row(sums + channel * batch.lanes, tile.columns.size(), add,
                                  out + channel * voxels());

@@ -57,8 +57,7 @@ Box Tiling::reach(const Box &tile, const Pass &pass) const {
              tile.columns.end + 2 + int(std::ceil(high_column * slices))}};
 }
 
-Box tail_reach(const Direction &direction, const Box &tile, const Pass &pass,
-               const RaySums &sums) {
+Box tail_reach(const Direction &direction, const Box &tile, const Pass &pass, const RaySums &sums) {
     const int distance = pass.near_slices + direction.tail;
     const Range slices{tile.slices.begin - distance - 1, tile.slices.end - distance};
     const Crossing first = direction.crossing(slices.begin);

@@ -2,8 +2,8 @@
 // counted from the far border, and each direction's shear and near-field stencil in it.
 #pragma once
 
-#include <cstddef>
 #include <cmath>
+#include <cstddef>
 #include <vector>
 
 #include "volillum/sweep.h"
@@ -11,8 +11,8 @@
 namespace volillum::sweep_detail {
 
 // The grid seen along one major axis: slices t (t = 0 at the border where the rays leave), rows b
-// and contiguous columns c. For the axes i and j columns are k; for the axis k they are j, in arrays
-// with j and k exchanged.
+// and contiguous columns c. For the axes i and j columns are k; for the axis k they are j, in
+// arrays with j and k exchanged.
 struct Frame {
     int axis, row_axis, column_axis;
     bool forward;  // whether the rays leave at the axis's upper end
@@ -41,13 +41,13 @@ struct Tap {
 };
 
 struct Direction {
-    int index;                        // into the caller's list
-    double row_slope, column_slope;   // lateral shift in voxels per slice outward, within [-1, 1]
-    Real slice_length;                // world length of a ray from slice to slice
-    std::vector<Tap> near_field;      // exact optical depth of the first slices
+    int index;                       // into the caller's list
+    double row_slope, column_slope;  // lateral shift in voxels per slice outward, within [-1, 1]
+    Real slice_length;               // world length of a ray from slice to slice
+    std::vector<Tap> near_field;     // exact optical depth of the first slices
     bool has_far_field;
-    bool finite;                      // the ray ends `tail` + tail_fraction slices past the near
-    int tail;                         // field, inside the lattice part
+    bool finite;  // the ray ends `tail` + tail_fraction slices past the near
+    int tail;     // field, inside the lattice part
     double tail_fraction;
 
     Crossing crossing(int t) const {
@@ -65,8 +65,9 @@ struct Pass {
     std::vector<Direction> directions;
 };
 
-// The passes along k come first. Throws std::invalid_argument for a singular affine, a direction that is not of unit length to
-// 1e-6, a radius that is not positive, or a negative number of near slices.
+// The passes along k come first. Throws std::invalid_argument for a singular affine, a direction
+// that is not of unit length to 1e-6, a radius that is not positive, or a negative number of near
+// slices.
 std::vector<Pass> plan_passes(const SweepScene &scene, const SweepSettings &settings);
 
 }  // namespace volillum::sweep_detail

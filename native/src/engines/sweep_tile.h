@@ -80,9 +80,9 @@ void march(const March &m);
 // Copies, clipped to `largest`; returns whether any number differs from 0.
 bool copy_row(const Real *source, int count, Real largest, Real *target);
 
-// sums[channel * lanes + i] = sum_d weights[d * kChannelGroup + channel] values[d * value_stride + i]
-// for `lanes` numbers (a whole number of lanes). Channels are summed in groups, so that a value is
-// loaded once for several; a group that is not full has weights of 0.
+// sums[channel * lanes + i] = sum_d weights[d * kChannelGroup + channel] values[d * value_stride +
+// i] for `lanes` numbers (a whole number of lanes). Channels are summed in groups, so that a value
+// is loaded once for several; a group that is not full has weights of 0.
 constexpr int kChannelGroup = 4;
 void weigh(const Real *values, std::size_t value_stride, int directions, const Real *weights,
            int channels, int lanes, Real *sums);

@@ -57,8 +57,7 @@ void LatticeWeights::sum(const Batch &batch, int t, int b, int, int, Reals &scra
     };
     const auto between = [&](int axis, int index) {
         const int node = index / spacing_;
-        return Between{node * strides_[axis],
-                       std::min(node + 1, nodes_[axis] - 1) * strides_[axis],
+        return Between{node * strides_[axis], std::min(node + 1, nodes_[axis] - 1) * strides_[axis],
                        Real(index - node * spacing_) / Real(spacing_)};
     };
     const Between along = between(frame.axis, frame.index_along_axis(t));

@@ -15,8 +15,9 @@ struct Batch {
     std::size_t direction_stride;
     int lanes;
     const Real *row(int t, int b) const {
-        return values + std::size_t((t - tile.slices.begin) * tile.rows.size() + b -
-                                    tile.rows.begin) * std::size_t(lanes);
+        return values +
+               std::size_t((t - tile.slices.begin) * tile.rows.size() + b - tile.rows.begin) *
+                   std::size_t(lanes);
     }
 };
 
@@ -38,8 +39,8 @@ public:
     ConstantWeights(const Real *weights, int channels) : weights_(weights), channels_(channels) {}
     int channels() const override { return channels_; }
     bool any(int direction, const Frame &, const Box &) const override;
-    void sum(const Batch &batch, int t, int b, int first_channel, int channels,
-             Reals &scratch, Real *sums) const override;
+    void sum(const Batch &batch, int t, int b, int first_channel, int channels, Reals &scratch,
+             Real *sums) const override;
 
 private:
     const Real *weights_;
@@ -52,8 +53,8 @@ public:
     LatticeWeights(const Real *weights, const Index3 &shape, int spacing);
     int channels() const override { return 1; }
     bool any(int direction, const Frame &frame, const Box &box) const override;
-    void sum(const Batch &batch, int t, int b, int first_channel, int channels,
-             Reals &scratch, Real *sums) const override;
+    void sum(const Batch &batch, int t, int b, int first_channel, int channels, Reals &scratch,
+             Real *sums) const override;
 
 private:
     const Real *weights_;
