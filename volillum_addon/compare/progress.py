@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 
 from ..core.control import Control
@@ -16,18 +16,21 @@ FIRST_SHARE = 0.1
 class Agenda:
     """The parts of a work with the seconds that each may take, done in any order.
 
-    Shares of the progress follow the expectations, the estimate of what remains the pace so far.
+    Shares of the progress follow the expectations, the estimate of what remains the pace so far,
+    but for the parts in `budgets`, whose seconds are a limit that they keep.
     """
 
     def __init__(
         self,
         control: Control,
         expected: Mapping[str, float],
+        budgets: Collection[str] = (),
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self.control = control
         self._expected = dict(expected)
         self._clock = clock
+        self._budgets = frozenset(budgets)
         self._done = 0.0
         self._worked, self._worked_expected = 0.0, 0.0
         self._left = dict(expected)
@@ -39,20 +42,21 @@ class Agenda:
         total = sum(self._expected.values())
         begin, end = self._done / total, (self._done + expected) / total
         started = self._clock()
+        pace = 1.0 if name in self._budgets else self._pace()
 
         def report(share: float, detail: str = "") -> None:
             self.control.report(share)
-            left = expected * (1 - share) * self._pace()
+            left = expected * (1 - share) * pace
             if share >= FIRST_SHARE:
                 left = (self._clock() - started) * (1 - share) / share
             self.control.message = self._worded(f"{message}, {detail}" if detail else message, left)
 
-        with self.control.stage(begin, end, self._worded(message, expected * self._pace())):
+        with self.control.stage(begin, end, self._worded(message, expected * pace)):
             yield report
         self._done += expected
         taken = self._clock() - started
         # What was found on disk says nothing about the pace of the rest.
-        if taken > FIRST_SHARE * expected:
+        if taken > FIRST_SHARE * expected and name not in self._budgets:
             self._worked += taken
             self._worked_expected += expected
 
@@ -62,7 +66,11 @@ class Agenda:
 
     def remaining(self) -> float:
         """Seconds of the parts that have not begun."""
-        return sum(self._left.values()) * self._pace()
+        pace = self._pace()
+        return sum(
+            expected if name in self._budgets else expected * pace
+            for name, expected in self._left.items()
+        )
 
     def _pace(self) -> float:
         return self._worked / self._worked_expected if self._worked_expected else 1.0

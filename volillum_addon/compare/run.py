@@ -60,7 +60,8 @@ def compare(
     chosen = [(get(entry.model), entry) for entry in candidates]
     values = [model.values(entry.parameters) for model, entry in chosen]
     bench = Bench(renderer, options, Path(directory), key_of(renderer.identity()))
-    agenda = Agenda(control, _expected(bench, len(chosen)))
+    budgets = ["single", "full", *(f"witness {index}" for index in range(len(chosen)))]
+    agenda = Agenda(control, _expected(bench, len(chosen)), budgets)
     bakes, reasons = _bakes(bench, chosen, values, agenda)
     if not bakes:
         raise InputError("; ".join(reasons.values()) or "no model was asked for; expected one")

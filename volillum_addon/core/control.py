@@ -44,12 +44,15 @@ class Control:
         outer = (self._begin, self._end)
         span = outer[1] - outer[0]
         self._begin, self._end = outer[0] + span * begin, outer[0] + span * end
+        self._restart(0.0)
         self.message = message
         self.check()
-        self.native.restart_progress()
-        self._reported = 0.0
         try:
             yield
         finally:
             self._begin, self._end = outer
-            self._reported = 0.0
+            self._restart(end)
+
+    def _restart(self, reported: float) -> None:
+        self._reported = reported
+        self.native.restart_progress()
