@@ -14,6 +14,7 @@ from expected_skips import skip
 
 from volillum_addon.compare import table
 from volillum_addon.compare.page import page
+from volillum_addon.compare.plot import LINE, Axis, _apart
 from volillum_addon.compare.results import Comparison
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
@@ -159,3 +160,17 @@ def test_a_browser_shows_it(comparison: Comparison, tmp_path: Path, width: int) 
     assert found["byName"] == sorted(errors)
     assert found["sort"] == "ascending"
     assert found["focused"]
+
+
+def test_labels_of_close_points_do_not_overlap() -> None:
+    moved = _apart([100.0, 102.0, 40.0, 101.0])
+    assert moved[2] == 40
+    assert moved[0] == 100
+    assert sorted(moved) == [40, 100, 100 + LINE, 100 + 2 * LINE]
+
+
+def test_axes_place_and_tick_logarithmically() -> None:
+    axis = Axis(0.1, 10.0, 0.0, 100.0)
+    assert [axis.place(value) for value in (0.1, 1.0, 10.0, 99.0)] == [0, 50, 100, 100]
+    assert list(axis.ticks()) == pytest.approx([0.1, 0.2, 0.5, 1, 2, 5, 10])
+    assert list(Axis(0.001, 100.0, 0, 1).ticks()) == pytest.approx([0.001, 0.01, 0.1, 1, 10, 100])

@@ -24,6 +24,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure as Canvas
 from matplotlib.image import imsave
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from numpy.typing import NDArray
 
 from ..bake.store import replacing
@@ -140,7 +141,8 @@ def write_contact_sheet(comparison: Comparison, path: Path) -> None:
     canvas = Canvas(
         figsize=(cell * len(columns) + 0.4, (cell * height / width + 0.05) * count + 1.0),
         facecolor="#14161a",
-        layout="constrained",
+        # Titles stick out of the first row: the padding keeps them inside.
+        layout=ConstrainedLayoutEngine(h_pad=0.1),
     )
     axes = canvas.subplots(count, len(columns), squeeze=False)
     for row, (model, found) in enumerate(comparison.measured):

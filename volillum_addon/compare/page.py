@@ -83,7 +83,8 @@ def _caption(comparison: Comparison) -> str:
     count = len(comparison.measured[0][1].seconds.bake.seconds)
     return (
         f"Bake and write: medians of {count} cold processes with an empty cache. Errors: relative "
-        "RMS inside the silhouette ± standard error; memory: peak of the process."
+        "RMS inside the silhouette ± standard error; memory: peak of the process. "
+        "A column's name sorts by it."
     )
 
 
@@ -111,13 +112,14 @@ def _cells(_model: ModelResult, found: Measured) -> Iterator[tuple[str, str, flo
     after = found.total_after_exposure
     yield "After exposure, %", percent(after), after.relative_rmse
     exposure = found.exposure
-    yield "Exposure", f"× {with_noise(exposure.factor, exposure.noise)}", exposure.factor
+    yield "Exposure", f"× {exposure.factor:.3g}", exposure.factor
 
 
 def _row(index: int, model: ModelResult, found: Measured) -> str:
     cells = [
-        f'<th scope="row" data-value="{escape(model.label)}">'
-        f'<span class="dot series-{index % 7}" aria-hidden="true"></span>{escape(model.label)}</th>'
+        f'<th scope="row" data-value="{escape(model.label)}"><span class="named">'
+        f'<span class="dot series-{index % 7}" aria-hidden="true"></span>'
+        f"<span>{escape(model.label)}</span></span></th>"
     ]
     for name, text, value in _cells(model, found):
         kind = ' class="headline"' if name in ("Seconds", "Total error, %") else ""

@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from html import escape
+from itertools import pairwise
 
 from .metrics import Figure
 from .results import Comparison
@@ -18,6 +19,7 @@ WIDTH, HEIGHT = 760, 400
 LEFT, RIGHT, TOP, BOTTOM = 64, 24, 16, 48
 # Room around the data, as a factor on the logarithmic axes.
 ROOM = 1.6
+LINE = 17
 
 
 @dataclass(frozen=True)
@@ -59,8 +61,10 @@ def plot(comparison: Comparison) -> str:
         min(lows) / ROOM, max([*highs, seed_noise]) * ROOM, HEIGHT - BOTTOM, TOP
     )  # fmt: skip
     parts = [*_grid(x, y), *_tracing(x, y, per_seed, seed_noise, full.seconds, full.noise)]
+    heights = _apart([y.place(found.errors["total"].relative_rmse) - 8 for _, found in models])
     for index, (model, found) in enumerate(models):
-        parts += _point(x, y, index, model.label, found.seconds.total, found.errors["total"])
+        taken, error = found.seconds.total, found.errors["total"]
+        parts += _point(x, y, index, model.label, taken, error, heights[index])
     summary = "; ".join(
         f"{model.label}: {percent(found.errors['total'])} % in {seconds(found.seconds.total)}"
         for model, found in models
@@ -102,7 +106,18 @@ def _tracing(
     yield _text(ends[1][0] - 8, ends[1][1] + 16, "full scattering: its noise", "end", "quiet")
 
 
-def _point(x: Axis, y: Axis, index: int, label: str, time: float, error: Figure) -> Iterator[str]:
+def _apart(heights: list[float]) -> list[float]:
+    """Labels' heights moved downward until no two are closer than a line."""
+    moved = list(heights)
+    order = sorted(range(len(heights)), key=heights.__getitem__)
+    for above, below in pairwise(order):
+        moved[below] = max(moved[below], moved[above] + LINE)
+    return moved
+
+
+def _point(
+    x: Axis, y: Axis, index: int, label: str, time: float, error: Figure, height: float
+) -> Iterator[str]:
     at, high = x.place(time), y.place(error.relative_rmse)
     top = y.place(error.relative_rmse + error.noise)
     low = y.low if error.is_bound else error.relative_rmse - error.noise
@@ -119,7 +134,7 @@ def _point(x: Axis, y: Axis, index: int, label: str, time: float, error: Figure)
         )
     yield f'<circle cx="{at:.1f}" cy="{high:.1f}" r="5"/>'
     side = "end" if at > WIDTH * 0.65 else "start"
-    yield _text(at + (-10 if side == "end" else 10), high - 8, label, side, "label") + "</g>"
+    yield _text(at + (-10 if side == "end" else 10), height, label, side, "label") + "</g>"
 
 
 def _text(x: float, y: float, words: str, anchor: str, kind: str = "") -> str:

@@ -27,7 +27,7 @@ def with_noise(value: float, noise: float, signed: bool = False) -> str:
         return f"{value:{sign}.3g}"
     power = math.floor(math.log10(noise))
     digits = max(0, -power + (noise < 2 * 10.0**power))
-    return f"{value:{sign}.{digits}f} ± {noise:.{digits}f}"
+    return f"{value:{sign}.{digits}f} ± {noise:.{digits}f}".replace("-", "−")
 
 
 def seconds(value: float) -> str:
