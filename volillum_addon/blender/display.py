@@ -1,0 +1,188 @@
+"""Showing a bake: a material of plain nodes that turns its grids into emission.
+
+    absorption = sigma_t, scattering = 0,
+    emission = sigma_s max(0, sum of weight * product of channels) + the medium's own
+
+which is what models.image.line_integral integrates.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..bake.vdb import read_vdb
+from ..core.errors import InputError, bad
+from ..models.illuminate import relight
+from ..models.volume import Factor, IlluminationVolume, RadianceTerm
+from .light_reader import read_lights
+from .nodes import Term, Tree
+from .sandbox import add_object, load_volume
+
+# EEVEE silently drops what a material reads beyond this many grids.
+EEVEE_GRIDS = 15
+SIGMA_T, SIGMA_S, EMISSION, CHANNEL = (
+    "density",
+    "volillum_sigma_s",
+    "volillum_emission",
+    "volillum_",
+)
+
+
+def show_bake(
+    path: Path, scene: bpy.types.Scene, collection: bpy.types.Collection
+) -> bpy.types.Object:
+    """A volume object that shows the bake under the scene's current lights.
+
+    Raises InputError when the file is no bake, or holds more grids than the scene's engine reads.
+    """
+    volume = relight(read_vdb(path), read_lights(scene))
+    limit = EEVEE_GRIDS if scene.render.engine == "BLENDER_EEVEE" else None
+    material = display_material(path.stem, volume, limit)
+    try:
+        data = load_volume(path)
+    except InputError:
+        bpy.data.materials.remove(material)
+        raise
+    data.materials.append(material)
+    shown = bpy.data.objects.new(path.stem, data)
+    collection.objects.link(shown)
+    return shown
+
+
+def display_material(
+    name: str, volume: IlluminationVolume, limit: int | None = EEVEE_GRIDS
+) -> bpy.types.Material:
+    """The material of a bake's radiance. Other lights of the same kinds change constants alone.
+
+    `limit` is how many grids the engine reads (None: any number).
+    """
+    grids = _grids(volume)
+    if limit is not None and len(grids) > limit:
+        raise InputError(
+            f"the bake of {volume.model} needs {len(grids)} grids in one material; EEVEE reads at "
+            f"most {limit} (a lower order or grey extinction needs fewer, Cycles reads them all)"
+        )
+    material = bpy.data.materials.new(name)
+    tree = Tree(material.node_tree)
+    radiance = tree.vector("MAXIMUM", _sum(tree, _radiance(tree, volume)), (0, 0, 0))
+    glow: list[Term] = [tree.vector("MULTIPLY", _sigma_s(tree, volume), radiance)]
+    if volume.image_emission and volume.medium.emission is not None:
+        glow.append(tree.positive(EMISSION))
+    _coefficients(tree, volume, scatter=(0, 0, 0), emission=_sum(tree, glow))
+    return material
+
+
+def medium_material(name: str, volume: IlluminationVolume) -> bpy.types.Material:
+    """The material that scatters as the volume's medium does, for the references."""
+    material = bpy.data.materials.new(name)
+    tree = Tree(material.node_tree)
+    emission: Term = (0, 0, 0)
+    if volume.medium.emission is not None:
+        emission = tree.positive(EMISSION)
+    node = _coefficients(tree, volume, scatter=_sigma_s(tree, volume), emission=emission)
+    node.phase = "HENYEY_GREENSTEIN"
+    node.inputs["Anisotropy"].default_value = volume.medium.g
+    return material
+
+
+def _coefficients(
+    tree: Tree, volume: IlluminationVolume, scatter: Term, emission: Term
+) -> bpy.types.Node:
+    """Volume Coefficients whose extinction is sigma_t whatever it scatters."""
+    node = tree.node("ShaderNodeVolumeCoefficients")
+    extinction: Term = tree.positive(SIGMA_T)
+    if isinstance(scatter, bpy.types.NodeSocket):
+        albedo = volume.medium.constant_albedo
+        if albedo is not None:
+            extinction = tree.vector("MULTIPLY", extinction, tuple(1 - albedo))
+        else:
+            extinction = tree.vector("SUBTRACT", extinction, scatter)
+    tree.feed(node.inputs["Absorption Coefficients"], extinction)
+    tree.feed(node.inputs["Scatter Coefficients"], scatter)
+    tree.feed(node.inputs["Emission Coefficients"], emission)
+    output = tree.node("ShaderNodeOutputMaterial")
+    tree.feed(output.inputs["Volume"], node.outputs[0])
+    return node
+
+
+def _sigma_s(tree: Tree, volume: IlluminationVolume) -> bpy.types.NodeSocket:
+    albedo = volume.medium.constant_albedo
+    if albedo is None:
+        return tree.positive(SIGMA_S)
+    return tree.vector("MULTIPLY", tree.positive(SIGMA_T), tuple(albedo))
+
+
+def _grids(volume: IlluminationVolume) -> set[str]:
+    channels = {factor.channel for term in volume.radiance for factor in term.factors}
+    for channel in channels:
+        if channel not in volume.channels:
+            raise bad(
+                f"{volume.model}'s channel",
+                repr(channel),
+                "one of " + ", ".join(volume.channels),
+                "the scene has other lights than the bake",
+            )
+    return (
+        {SIGMA_T}
+        | {CHANNEL + channel for channel in channels}
+        | ({SIGMA_S} if volume.medium.constant_albedo is None else set())
+        | ({EMISSION} if volume.image_emission and volume.medium.emission is not None else set())
+    )
+
+
+def _radiance(tree: Tree, volume: IlluminationVolume) -> list[Term]:
+    """The terms of the radiance; those that pick components of one channel are dot products."""
+    by_channel: dict[str, list[RadianceTerm]] = {}
+    others = []
+    for term in volume.radiance:
+        if len(term.factors) == 1 and term.factors[0].component is not None:
+            by_channel.setdefault(term.factors[0].channel, []).append(term)
+        else:
+            others.append(term)
+    parts: list[Term] = []
+    for channel, terms in by_channel.items():
+        weights = np.zeros((3, 3))  # [colour, component]
+        for term in terms:
+            component = term.factors[0].component
+            assert component is not None
+            # A scalar grid reads as three equal components: only the first one counts.
+            wide = volume.channels[channel].channels == 3
+            weights[:, component if wide else 0] += term.weight
+        grid = tree.attribute(CHANNEL + channel)
+        parts.append(
+            tree.combine(*(tree.vector("DOT_PRODUCT", grid, tuple(row)) for row in weights))
+        )
+    for term in others:
+        product: Term = term.weight
+        for factor in term.factors:
+            product = tree.vector("MULTIPLY", _factor(tree, factor, volume), product)
+        parts.append(product)
+    return parts
+
+
+def _factor(tree: Tree, factor: Factor, volume: IlluminationVolume) -> bpy.types.NodeSocket:
+    grid = tree.attribute(CHANNEL + factor.channel)
+    if factor.component is None or volume.channels[factor.channel].channels == 1:
+        return grid
+    return tree.vector("DOT_PRODUCT", grid, tuple(np.eye(3)[factor.component]))
+
+
+def _sum(tree: Tree, parts: list[Term]) -> Term:
+    if not parts:
+        return (0, 0, 0)
+    total = parts[0]
+    for part in parts[1:]:
+        total = tree.vector("ADD", total, part)
+    return total
+
+
+def add_volume(
+    scene: bpy.types.Scene, path: Path, material: bpy.types.Material
+) -> bpy.types.Object:
+    """A volume object of the file in the scene."""
+    data = load_volume(path)
+    data.materials.append(material)
+    return add_object(scene, data)
