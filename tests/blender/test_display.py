@@ -25,7 +25,8 @@ from blender_scenes import (
 )
 from numpy.typing import NDArray
 
-from volillum_addon.bake.vdb import write_vdb
+from volillum_addon.bake.run import bake_file
+from volillum_addon.bake.vdb import read_vdb, write_vdb
 from volillum_addon.blender.cycles import CyclesRenderer
 from volillum_addon.blender.display import add_volume, display_material, show_bake
 from volillum_addon.blender.render import add_camera, clip_range, render_image, set_cycles
@@ -39,7 +40,7 @@ from volillum_addon.core.medium import Medium
 from volillum_addon.core.scene import Scene
 from volillum_addon.models.illuminate import relight
 from volillum_addon.models.image import line_integral
-from volillum_addon.models.registry import get
+from volillum_addon.models.registry import MODELS, get
 from volillum_addon.models.volume import Factor, IlluminationVolume, RadianceTerm
 
 SIZE = 64
@@ -153,6 +154,24 @@ def test_coloured_extinction_varying_albedo_and_emission(tmp_path: Path) -> None
     dark = CyclesRenderer(scene, SIZE, SIZE).display(path)
     glowing, _ = line_integral(volume, scene.need_camera(), SIZE, SIZE)
     assert dark.mean() < 0.9 * glowing.mean()
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_the_bake_of_every_model(model: str, tmp_path: Path) -> None:
+    lights = (DistantLight((1, -1, 1), 2.0, 0.3), SKY)
+    camera = perspective() if get(model).lights == {"distant"} else orthographic(2)
+    scene = Scene(Medium.from_density(blob(24, 2, 8, "density"), 1.0, 0.8), lights, camera)
+    directions = {"directions": 16} if "directions" in get(model).values({}) else {}
+    baked = bake_file(scene, model, tmp_path, "blob", directions)
+    image = CyclesRenderer(scene, SIZE, SIZE).display(baked.path, 1)
+    volume = relight(read_vdb(baked.path), lights)
+    wanted, transmittance = line_integral(volume, camera, SIZE, SIZE)
+    inside = transmittance.mean(-1) < 0.98
+    error, mean = (image - wanted)[inside], wanted[inside].mean()
+    assert abs(error.mean()) < 0.002 * mean
+    assert np.sqrt((error**2).mean()) < 0.01 * mean
+    # No pixel falls out: the bake's box, larger than the medium's, is not clipped either.
+    assert np.abs(error).max() < 0.1 * mean
 
 
 def test_products_of_channels(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from ..models.volume import IlluminationVolume
 from .display import EEVEE_GRIDS, add_volume, display_material, medium_material
 from .light_builder import add_lights
 from .light_reader import light_objects
-from .render import Image, add_camera, clip_range, render_image, set_cycles, set_eevee
+from .render import Image, add_camera, clip_range, depth_range, render_image, set_cycles, set_eevee
 from .sandbox import sandbox
 from .witness import witness_scenes
 
@@ -87,7 +87,7 @@ class CyclesRenderer:
         """EEVEE's image of a baked file under the scene's lights."""
         with sandbox() as (own, folder):
             self._add_bake(own, baked, EEVEE_GRIDS)
-            set_eevee(own, self._clip(self.scene))
+            set_eevee(own, depth_range(self.camera, self.scene.medium.sigma_t.corners()))
             return render_image(own, self.width, self.height, folder)[..., :3]
 
     def witness(

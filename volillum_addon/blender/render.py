@@ -15,6 +15,8 @@ from ..core.camera import Camera
 Image = NDArray[np.float32]
 # Jittered froxels average over this many samples.
 EEVEE_SAMPLES = 16
+# The near clipping distance as a share of the far one: float32 depths still tell them apart.
+NEAREST = 1e-5
 
 
 def render_image(scene: bpy.types.Scene, width: int, height: int, folder: Path) -> Image:
@@ -86,14 +88,23 @@ def add_camera(scene: bpy.types.Scene, camera: Camera, clip: tuple[float, float]
 
 
 def clip_range(camera: Camera, corners: NDArray[np.float64]) -> tuple[float, float]:
-    """Depths along the view that hold all corners [n, 3], a little widened."""
+    """Clipping distances well outside the corners [n, 3].
+
+    The near one is next to the eye: Blender's mesh around a volume is padded, and a ray that is
+    clipped to start inside it finds no volume at all.
+    """
+    _, far = depth_range(camera, corners)
+    return far * NEAREST, far * 2
+
+
+def depth_range(camera: Camera, corners: NDArray[np.float64]) -> tuple[float, float]:
+    """Depths along the view that hold all corners [n, 3] in front of the eye."""
     depth = (corners - camera.eye) @ camera.forward
-    far = max(float(depth.max()), 0.0) * 1.01 + 1e-6
-    near = max(float(depth.min()) * 0.99, far * 1e-5)
-    return near, far
+    far = max(float(depth.max()), 1e-6)
+    return max(float(depth.min()), far * NEAREST), far
 
 
-def set_eevee(scene: bpy.types.Scene, clip: tuple[float, float]) -> None:
+def set_eevee(scene: bpy.types.Scene, depths: tuple[float, float]) -> None:
     """EEVEE with the finest froxels, spread evenly over the volume's depths."""
     scene.render.engine = "BLENDER_EEVEE"
     eevee = scene.eevee
@@ -102,6 +113,6 @@ def set_eevee(scene: bpy.types.Scene, clip: tuple[float, float]) -> None:
     eevee.volumetric_samples = 256
     eevee.volumetric_sample_distribution = 0
     eevee.use_volume_custom_range = True
-    eevee.volumetric_start, eevee.volumetric_end = clip
+    eevee.volumetric_start, eevee.volumetric_end = depths
     eevee.use_raytracing = False
     scene.render.filter_size = 0
