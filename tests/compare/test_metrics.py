@@ -232,6 +232,21 @@ def test_agreement_sees_a_pattern_without_bias() -> None:
     assert not result.agrees
 
 
+def test_a_rim_that_no_sample_hit_does_not_spoil_the_agreement() -> None:
+    random = np.random.default_rng(15)
+    truth = truth_of(random)
+    truth[:, 24:] *= 1e-3
+    # The second image never hit the rim: there it is 0 with a variance of 0.
+    fine = seeds_image(random, truth, 0.0, 4)
+    fine = Image(fine.value, (1e-5 * truth) ** 2, 7)
+    rough = seeds_image(random, truth, 0.1, 64)
+    value, variance = rough.value.copy(), rough.variance.copy()
+    value[:, 24:] = variance[:, 24:] = 0
+    result = agreement(fine, Image(value, variance, rough.degrees), EVERYWHERE, 8)
+    assert result.blocks == 9  # of 12
+    assert result.agrees
+
+
 def test_silhouette_is_where_light_is_lost() -> None:
     transmittance = np.ones((4, 5, 1))
     transmittance[1, 2] = 0.5

@@ -31,6 +31,9 @@ from ..core.errors import bad
 
 # Rays that lose less than this share of their light count as beside the volume.
 SILHOUETTE_TRANSMITTANCE = 0.999
+# Blocks of two compared images with less than this share of the brightest one's light are left out:
+# at the volume's rim few samples hit anything, and where none did the variance is 0 by mistake.
+FAINT_BLOCK = 0.02
 # Standard errors that a squared error must stand out by to count as seen (one-sided 97.7 %).
 DETECTION = 2.0
 
@@ -182,7 +185,8 @@ def relative_noise(image: Image, mask: Mask) -> float:
 
 def agreement(first: Image, second: Image, mask: Mask, block: int = 8) -> Agreement:
     """Whether two noisy images [h, w, 3] show the same: means over blocks of pixels in units of
-    their standard errors. Blocks make the statistic normal and sensitive to systematic errors."""
+    their standard errors. Blocks make the statistic normal and sensitive to systematic errors;
+    those with hardly any light count in the bias alone."""
     height, width = mask.shape
     rows, columns = np.indices(mask.shape) // block
     label = (rows * ((width + block - 1) // block) + columns)[mask]
@@ -193,7 +197,8 @@ def agreement(first: Image, second: Image, mask: Mask, block: int = 8) -> Agreem
     )
     sums = np.bincount(label, error, minlength=count)
     variances = np.bincount(label, variance, minlength=count)
-    seen = variances > 0
+    light = np.bincount(label, (first.value + second.value)[mask].sum(axis=-1), minlength=count)
+    seen = (variances > 0) & (light > FAINT_BLOCK * light.max())
     if not seen.any():
         raise bad("the noise of two images to compare", 0, "some in at least one of them")
     squared = sums[seen] ** 2 / variances[seen]
