@@ -107,18 +107,34 @@ def _one(plan: Plan, scene_file: Path, name: str, control: Control) -> Timing:
     return Timing(whole=time.perf_counter() - begin, start_up=started, **answer)
 
 
+def child_environment() -> dict[str, str]:
+    """The environment of a Python process that imports what this one can, and this package under
+    its plain name.
+
+    Without the script folders that a running Blender has put on its path: the `bpy` in them is
+    only a part of the module, and would hide the whole one.
+    """
+    paths = [str(PACKAGE.parent), *(path for path in sys.path if path and not _is_blenders(path))]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+
+
+def _is_blenders(path: str) -> bool:
+    return any(
+        (folder / "scripts").is_dir() and (folder / "datafiles").is_dir()
+        for folder in Path(path).parents
+    )
+
+
 @contextlib.contextmanager
 def _child(request: Mapping[str, object]) -> Iterator[IO[str]]:
     """Run the child and yield the lines that it prints. It stops when its input is closed."""
-    paths = [str(PACKAGE.parent), *(path for path in sys.path if path)]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
     with tempfile.TemporaryFile("w+") as complaints:
         child = subprocess.Popen(
             [sys.executable, "-P", "-m", CHILD],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=complaints,
-            env=environment,
+            env=child_environment(),
             text=True,
             encoding="utf-8",
         )
