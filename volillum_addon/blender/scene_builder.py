@@ -1,0 +1,183 @@
+"""A demonstration scene from a volume and a preset: sun, sky, camera, a plain readable material."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Matrix, Vector
+from numpy.typing import NDArray
+
+from ..bake.grids import grid_names, read_grid
+from ..core.errors import InputError, bad
+from ..core.grid import Grid
+from .scene_presets import Axis, ScenePreset
+
+# Voxels below this share of the largest value are haze that the camera need not frame.
+HAZE = 0.02
+# Clip planes this many volume sizes in front of and behind the framed distance.
+CLIP = 10.0
+
+
+def save_scene(volume: Path, preset: ScenePreset, target: Path) -> None:
+    """Make the scene in a new, empty file and save it as the .blend `target`.
+
+    What was open in this Blender is left, as by File > New. Raises InputError for an unusable
+    volume, OSError for a target that cannot be written.
+    """
+    target = target.absolute()
+    if target.suffix != ".blend":
+        raise bad("the scene's file", repr(target.name), "a name that ends in .blend")
+    grid = _density(volume)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    build_scene(bpy.context.scene, volume, grid, preset)
+    # Saved beside its final place, so that relative paths in it hold after the rename.
+    temporary = target.with_name(f".{target.stem}.partial.blend")
+    try:
+        bpy.ops.wm.save_as_mainfile(filepath=str(temporary), relative_remap=True, copy=True)
+        temporary.replace(target)
+    except RuntimeError as error:
+        reason = " ".join(str(error).split())
+        raise OSError(f"{target} cannot be written: {reason}") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def build_scene(scene: bpy.types.Scene, volume: Path, grid: Grid, preset: ScenePreset) -> None:
+    """Fill an empty scene; `grid` is the volume's density grid."""
+    name = volume.stem
+    upright = _upright(preset.up)
+    scene.name = name
+    material = _material(name, grid, preset)
+    data = bpy.data.volumes.new(name)
+    data.filepath = str(volume.absolute())
+    data.materials.append(material)
+    body = bpy.data.objects.new(name, data)
+    body.matrix_world = upright
+    sun = _sun(preset)
+    camera = _camera(_framed_points(grid, upright), preset)
+    for item in (body, sun, camera):
+        scene.collection.objects.link(item)
+    scene.world = _world(preset)
+    scene.camera = camera
+    _image(scene, preset)
+
+
+def _density(volume: Path) -> Grid:
+    names = grid_names(volume)
+    if not names:
+        raise InputError(f"{volume} holds no grid; expected one of densities")
+    return read_grid(volume, "density" if "density" in names else names[0])
+
+
+def _upright(up: Axis) -> Matrix:
+    """The rotation that turns the file's `up` axis to z and keeps right-handedness."""
+    turns = {
+        "x": Matrix.Rotation(-math.pi / 2, 4, "Y"),
+        "y": Matrix.Rotation(math.pi / 2, 4, "X"),
+        "z": Matrix.Identity(4),
+    }
+    return turns[up]
+
+
+def _material(name: str, grid: Grid, preset: ScenePreset) -> bpy.types.Material:
+    """Principled Volume with black absorption colour: sigma_t = density, albedo = colour."""
+    column = max(
+        float(grid.values.sum(axis=axis, dtype=np.float64).max()) * float(grid.voxel_size[axis])
+        for axis in range(3)
+    )
+    if column <= 0:
+        raise InputError(f"{grid.name} holds only zeros; expected some voxel with density")
+    material = bpy.data.materials.new(name)
+    tree = material.node_tree
+    tree.nodes.clear()
+    output = tree.nodes.new("ShaderNodeOutputMaterial")
+    volume = tree.nodes.new("ShaderNodeVolumePrincipled")
+    volume.location = (-320, 0)
+    volume.inputs["Density Attribute"].default_value = grid.name
+    volume.inputs["Density"].default_value = preset.medium.optical_depth / column
+    volume.inputs["Color"].default_value = (*preset.medium.albedo, 1)
+    volume.inputs["Absorption Color"].default_value = (0, 0, 0, 1)
+    tree.links.new(volume.outputs["Volume"], output.inputs["Volume"])
+    return material
+
+
+def _toward(azimuth: float, elevation: float) -> Vector:
+    """Unit vector from the volume to a place at these angles (degrees)."""
+    a, e = math.radians(azimuth), math.radians(elevation)
+    return Vector((math.sin(a) * math.cos(e), -math.cos(a) * math.cos(e), math.sin(e)))
+
+
+def _sun(preset: ScenePreset) -> bpy.types.Object:
+    data = bpy.data.lights.new("Sun", "SUN")
+    strength = max(preset.sun.irradiance) or 1.0
+    data.energy = strength
+    data.color = [value / strength for value in preset.sun.irradiance]
+    data.angle = math.radians(preset.sun.angle)
+    item = bpy.data.objects.new("Sun", data)
+    toward = _toward(preset.sun.azimuth, preset.sun.elevation)
+    item.rotation_euler = toward.to_track_quat("Z", "Y").to_euler()
+    return item
+
+
+def _world(preset: ScenePreset) -> bpy.types.World:
+    world = bpy.data.worlds.new("Sky")
+    background = next(
+        node for node in world.node_tree.nodes if node.bl_idname == "ShaderNodeBackground"
+    )
+    background.inputs["Color"].default_value = (*preset.sky.radiance, 1)
+    background.inputs["Strength"].default_value = 1
+    return world
+
+
+def _framed_points(grid: Grid, upright: Matrix) -> NDArray[np.float64]:
+    """World positions [n, 3] of the hull of what is to be seen: per line of voxels, its ends."""
+    matter = grid.values if grid.channels == 1 else grid.values.max(axis=-1)
+    seen = matter > HAZE * matter.max()
+    columns = np.argwhere(seen.any(axis=2))
+    lines = seen[columns[:, 0], columns[:, 1]]
+    first, last = lines.argmax(axis=1), lines.shape[1] - 1 - lines[:, ::-1].argmax(axis=1)
+    index = np.concatenate(
+        [np.column_stack([columns, first]), np.column_stack([columns, last])]
+    ).astype(np.float64)
+    turn = np.array(upright)[:3, :3]
+    return np.asarray(grid.to_world(index) @ turn.T)
+
+
+def _camera(points: NDArray[np.float64], preset: ScenePreset) -> bpy.types.Object:
+    """The nearest camera on its line of sight that holds all points within the margins."""
+    data = bpy.data.cameras.new("Camera")
+    data.lens = preset.camera.lens
+    toward = _toward(preset.camera.azimuth, preset.camera.elevation)
+    rotation = toward.to_track_quat("Z", "Y")
+    right, up, back = np.array(rotation.to_matrix()).T
+    across, along, depth = points @ right, points @ up, points @ back
+    width, height = preset.image.width, preset.image.height
+    half = data.sensor_width / 2 / data.lens * (1 - 2 * preset.camera.margin)
+    slope_x, slope_y = half * min(1, width / height), half * min(1, height / width)
+    # A point is inside when |across - x| <= slope (z - depth). The four faces of the frustum bound
+    # the eye (x, y, z); opposite faces meet at the nearest z of that direction.
+    faces = [
+        (slope_x, (across + slope_x * depth).max(), (-across + slope_x * depth).max()),
+        (slope_y, (along + slope_y * depth).max(), (-along + slope_y * depth).max()),
+    ]
+    z = max((high + low) / (2 * slope) for slope, high, low in faces)
+    x, y = ((high - low) / 2 for _, high, low in faces)
+    item = bpy.data.objects.new("Camera", data)
+    item.rotation_euler = rotation.to_euler()
+    item.location = Vector(right * x + up * y + back * z)
+    size = float(np.ptp(points, axis=0).max())
+    data.clip_start = max(1e-4, (z - float(depth.max())) / CLIP)
+    data.clip_end = (z - float(depth.min())) + CLIP * size
+    return item
+
+
+def _image(scene: bpy.types.Scene, preset: ScenePreset) -> None:
+    scene.render.engine = "CYCLES"
+    scene.render.resolution_x = preset.image.width
+    scene.render.resolution_y = preset.image.height
+    scene.render.resolution_percentage = 100
+    scene.render.film_transparent = preset.image.background == "transparent"
