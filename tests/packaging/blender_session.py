@@ -39,7 +39,28 @@ def use(package: ModuleType) -> None:
     cli = importlib.import_module(f"{package.__name__}.blender.cli")
     assert cli.main(["--version"]) == 0
     resources = importlib.import_module(f"{package.__name__}.resources")
-    assert list(resources.PRESETS.glob("volumes/*.vdb"))
+    (volume,) = resources.PRESETS.glob("volumes/smoke.vdb")
+    places = importlib.import_module(f"{package.__name__}.blender.places")
+    # Beside a file that is saved nowhere yet: the extension's own folder, as the rules want.
+    unsaved = Path(places.output_directory("//volillum"))
+    assert unsaved.is_relative_to(EXTENSIONS / ".user"), unsaved
+    bake(cli, volume)
+
+
+def bake(cli: ModuleType, volume: Path) -> None:
+    """Bakes through the operator, in a scene that the command made, and shows the bake."""
+    file = Path("smoke.blend").absolute()
+    assert cli.main(["scene", str(volume), "--preset", "smoke", "-o", str(file)]) == 0
+    bpy.ops.wm.open_mainfile(filepath=str(file))
+    settings = bpy.context.scene.volillum
+    getattr(settings, settings.model).directions = 8
+    assert bpy.ops.volillum.bake() == {"FINISHED"}
+    (baked,) = (file.parent / "volillum").iterdir()
+    assert Path(settings.baked.path) == baked
+    assert bpy.ops.volillum.show() == {"FINISHED"}
+    shown = settings.baked.shown.data
+    assert shown.grids.load(), shown.grids.error_message
+    assert "density" in [grid.name for grid in shown.grids]
 
 
 def disable_and_remove() -> None:

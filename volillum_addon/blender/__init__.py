@@ -1,21 +1,23 @@
-"""Everything that touches Blender: the only importer of `bpy`."""
+"""Everything that touches Blender: the only importer of `bpy`.
 
-from typing import Any
+Its modules import bpy themselves; the command line's do so only when a command needs it.
+"""
 
-import bpy
+from __future__ import annotations
 
-from . import cli
+from importlib import import_module
 
-# The handles of what is registered, while it is.
-_commands: list[Any] = []
+# In this order: properties first, because panels and operators show them.
+_MODULES = (".properties", ".classes", ".command")
 
 
 def register() -> None:
-    """Adds the command `blender --command volillum` to the running Blender."""
-    _commands.append(bpy.utils.register_cli_command("volillum", cli.main))
+    """Add properties, operators, panels and the command to the running Blender."""
+    for name in _MODULES:
+        import_module(name, __name__).register()
 
 
 def unregister() -> None:
-    """Takes out again what `register` added."""
-    while _commands:
-        bpy.utils.unregister_cli_command(_commands.pop())
+    """Take out again what `register` added, and stop what is running."""
+    for name in reversed(_MODULES):
+        import_module(name, __name__).unregister()

@@ -1,10 +1,49 @@
-"""The command line: one function for `volillum`, `blender --command volillum` and tests."""
+"""The command line: one function for `volillum`, `blender --command volillum` and tests.
+
+Needs no bpy until a command works on a scene.
+"""
+
+from __future__ import annotations
 
 import argparse
+import json
+import os
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 from .. import __version__
+from ..core.control import Cancelled
+from ..models.registry import MODELS
+from . import scene_presets
+from .describe import as_json, as_text
+from .failures import EXPECTED, one_line
+
+DONE, FAILED, WRONG_USAGE, CANCELLED = 0, 1, 2, 130
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line; `argv` are the process's arguments unless given.
+
+    Returns the exit status: 0 done, 1 the input or the work failed (one line on standard error),
+    2 wrong usage, 130 cancelled.
+    """
+    try:
+        options = parser().parse_args(argv)
+    except SystemExit as stop:  # argparse exits; a Blender that calls this must go on running
+        return stop.code if isinstance(stop.code, int) else FAILED
+    try:
+        options.run(options)
+    except (Cancelled, KeyboardInterrupt):
+        print("volillum: cancelled", file=sys.stderr)
+        return CANCELLED
+    except BrokenPipeError:
+        # The reader of our output has seen enough (`| head`); the exit's own flush must not fail.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except EXPECTED as error:
+        print(f"volillum: {one_line(error)}", file=sys.stderr)
+        return FAILED
+    return DONE
 
 
 def parser() -> argparse.ArgumentParser:
@@ -14,18 +53,175 @@ def parser() -> argparse.ArgumentParser:
         description="Bake volumetric illumination models and compare them with full scattering.",
     )
     result.add_argument("--version", action="version", version=f"volillum {__version__}")
+    commands = result.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    _add_models(commands.add_parser("models", help="list the models and their parameters"))
+    _add_scene(commands.add_parser("scene", help="make a scene around a volume"))
+    _add_bake(commands.add_parser("bake", help="bake one model's illumination into a VDB file"))
+    _add_compare(commands.add_parser("compare", help="measure models against full scattering"))
+    _add_demo(commands.add_parser("demo", help="compare all models on the volume that is included"))
     return result
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs the command line; `arguments` are those of the process unless given.
+def _add_models(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--json", action="store_true", help="as JSON, for programs")
+    command.set_defaults(run=_models)
 
-    Returns the exit status: 0 done, 1 the input or the work failed, 2 wrong usage, 130 cancelled.
-    """
-    options = parser()
-    try:
-        options.parse_args(arguments)
-    except SystemExit as exit_:  # argparse exits; a Blender that calls this must go on running
-        return exit_.code if isinstance(exit_.code, int) else 1
-    options.print_usage(sys.stderr)
-    return 2
+
+def _add_scene(command: argparse.ArgumentParser) -> None:
+    command.add_argument("volume", type=Path, metavar="VOLUME.vdb")
+    presets = scene_presets.names()
+    command.add_argument("--preset", choices=presets, default="default", help="light and camera")
+    command.add_argument("-o", "--output", type=Path, required=True, metavar="OUT.blend")
+    command.set_defaults(run=_make_scene)
+
+
+def _add_bake(command: argparse.ArgumentParser) -> None:
+    _add_scene_file(command)
+    command.add_argument(
+        "--model",
+        choices=tuple(MODELS),
+        required=True,
+        metavar="ID",
+        help="one of " + ", ".join(MODELS),
+    )
+    command.add_argument(
+        "--set",
+        type=_assignment,
+        action="append",
+        default=[],
+        dest="given",
+        metavar="NAME=VALUE",
+        help="a parameter in place of the file's (see `volillum models`)",
+    )
+    command.set_defaults(run=_bake)
+
+
+def _add_compare(command: argparse.ArgumentParser) -> None:
+    _add_scene_file(command)
+    command.add_argument("--models", type=_ids, default=(), metavar="ID,ID", help="default: all")
+    _add_thoroughness(command, samples=64, noise=1.0, seconds=120.0, width=None)
+    command.set_defaults(run=_compare)
+
+
+def _add_demo(command: argparse.ArgumentParser) -> None:
+    _add_output(command)
+    _add_thoroughness(command, samples=32, noise=2.0, seconds=60.0, width=96)
+    command.set_defaults(run=_demo)
+
+
+def _add_scene_file(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "file",
+        type=Path,
+        nargs="?",
+        metavar="SCENE.blend",
+        help="the open file, when left out inside Blender",
+    )
+    command.add_argument("--scene", metavar="NAME", help="which scene of the file")
+    _add_output(command)
+
+
+def _add_output(command: argparse.ArgumentParser) -> None:
+    command.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
+    command.add_argument(
+        "--progress-seconds",
+        type=_positive,
+        metavar="SECONDS",
+        help="print a line of progress this often",
+    )
+
+
+def _add_thoroughness(
+    command: argparse.ArgumentParser, samples: int, noise: float, seconds: float, width: int | None
+) -> None:
+    for name, kind, default, metavar, text in (
+        ("--samples", _whole, samples, "N", "samples per pixel and seed of a reference"),
+        ("--noise", _positive, noise, "PERCENT", "render references until below this noise"),
+        ("--seconds", _positive, seconds, "BUDGET", "or until this time has gone"),
+        ("--width", _whole, width, "N", "pixels across"),
+    ):
+        shown = "as the scene renders" if default is None else f"{default:g}"
+        help_text = f"{text} (default: {shown})"
+        command.add_argument(name, type=kind, default=default, metavar=metavar, help=help_text)
+
+
+def _assignment(text: str) -> tuple[str, str]:
+    name, equals, value = text.partition("=")
+    if not (name and equals and value):
+        raise argparse.ArgumentTypeError(f"{text!r} is not NAME=VALUE")
+    return name, value
+
+
+def _ids(text: str) -> tuple[str, ...]:
+    ids = tuple(part.strip() for part in text.split(","))
+    for each in ids:
+        if each not in MODELS:
+            raise argparse.ArgumentTypeError(f"{each!r} is no model: one of {', '.join(MODELS)}")
+    return ids
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not above 0")
+    return value
+
+
+def _whole(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not at least 1")
+    return value
+
+
+def _models(options: argparse.Namespace) -> None:
+    if options.json:
+        print(json.dumps([as_json(model) for model in MODELS.values()], indent=2, allow_nan=False))
+    else:
+        print("\n\n".join(as_text(model) for model in MODELS.values()))
+
+
+# What follows needs bpy, which takes a second to import and prints to standard output.
+
+
+def _make_scene(options: argparse.Namespace) -> None:
+    from . import commands
+
+    print(commands.make_scene(options.volume, options.preset, options.output))
+
+
+def _bake(options: argparse.Namespace) -> None:
+    from . import commands
+
+    print(
+        commands.bake(
+            options.file,
+            options.scene,
+            options.model,
+            dict(options.given),
+            options.output,
+            options.progress_seconds,
+        )
+    )
+
+
+def _compare(options: argparse.Namespace) -> None:
+    from . import commands
+
+    print(
+        commands.compare(
+            options.file,
+            options.scene,
+            options.models,
+            commands.Thoroughness.of(options),
+            options.output,
+            options.progress_seconds,
+        )
+    )
+
+
+def _demo(options: argparse.Namespace) -> None:
+    from . import commands
+
+    thoroughness = commands.Thoroughness.of(options)
+    print(commands.demo(thoroughness, options.output, options.progress_seconds))

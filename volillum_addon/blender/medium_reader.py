@@ -67,7 +67,7 @@ def read_medium(
     if material is None:
         medium = Medium.from_density(load(density_grid), settings.density_scale, settings.albedo)
         return medium, ("the volume has no material: the density scale and albedo settings apply",)
-    closures = _read_closures(material)
+    closures = read_closures(material)
     notes = []
     nothing = Field.of(0)
     sigma_s, sigma_a, emission = nothing, nothing, nothing
@@ -163,7 +163,8 @@ def _evaluate(
     return lattice.with_values(scaled)
 
 
-def _read_closures(material: bpy.types.Material) -> list[Closure]:
+def read_closures(material: bpy.types.Material) -> list[Closure]:
+    """The closures that the material adds up. Raises InputError for what has no plain meaning."""
     output = material.node_tree.get_output_node("CYCLES") if material.node_tree else None
     source = link_source(output.inputs["Volume"]) if output is not None else None
     if source is None:

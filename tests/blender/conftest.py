@@ -1,0 +1,46 @@
+"""The extension in this process's Blender, and a scene to use it on."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import bpy
+import pytest
+from plumes import plume_scene
+
+import volillum_addon
+from volillum_addon.blender.jobs import Job, Work
+
+
+@pytest.fixture(scope="module")
+def extension() -> Iterator[None]:
+    volillum_addon.register()
+    yield
+    volillum_addon.unregister()
+
+
+@pytest.fixture
+def scene(extension: None, tmp_path: Path) -> Iterator[bpy.types.Scene]:
+    with plume_scene(tmp_path / "plume.vdb") as made:
+        made.volillum.directory = str(tmp_path / "out")
+        with bpy.context.temp_override(scene=made):
+            yield made
+
+
+@pytest.fixture
+def start_job() -> Iterator[Callable[[Work[Any]], Job[Any]]]:
+    """Starts jobs that are over when the test is."""
+    jobs: list[Job[Any]] = []
+
+    def start(work: Work[Any]) -> Job[Any]:
+        jobs.append(Job("Test", work))
+        return jobs[-1]
+
+    yield start
+    for job in jobs:
+        job.cancel()
+        with contextlib.suppress(Exception):
+            job.result()

@@ -1,0 +1,257 @@
+"""The command line: what it prints, its exit status, one line for bad input and nothing written."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from plumes import plume, write_plume
+from project_files import ROOT
+
+from volillum_addon.bake.grids import to_vdb
+from volillum_addon.bake.openvdb_module import openvdb
+from volillum_addon.bake.vdb import read_metadata
+from volillum_addon.models.registry import MODELS, models
+
+ENVIRONMENT = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "tests"), *[
+    path for path in sys.path if "scripts" not in Path(path).parts]])}  # fmt: skip
+FEW = ["--set", "directions=8"]
+
+
+@dataclass(frozen=True)
+class Result:
+    status: int
+    out: str
+    err: str
+
+    @property
+    def line(self) -> str:
+        """The one line of the complaint."""
+        lines = self.err.splitlines()
+        assert len(lines) == 1, self.err
+        assert lines[0].startswith("volillum: ")
+        return lines[0].removeprefix("volillum: ")
+
+
+def session(folder: Path, *calls: list[str]) -> list[Result]:
+    """The calls, one after another, in a fresh process whose working directory is `folder`."""
+    (folder / "calls.json").write_text(json.dumps(calls))
+    done = subprocess.run(
+        [sys.executable, ROOT / "tests" / "cli_session.py", "calls.json", "results.json"],
+        cwd=folder,
+        env=ENVIRONMENT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return [Result(*each) for each in json.loads((folder / "results.json").read_text())]
+
+
+def start(folder: Path, *arguments: str) -> subprocess.Popen[str]:
+    """The command line as a process of its own."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "volillum_addon", *arguments],
+        cwd=folder,
+        env=ENVIRONMENT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with plume.vdb and plume.blend."""
+    folder = tmp_path_factory.mktemp("made")
+    write_plume(folder / "plume.vdb")
+    (result,) = session(folder, ["scene", "plume.vdb", "-o", "plume.blend"])
+    assert (result.status, result.out, result.err) == (0, "plume.blend\n", "")
+    assert sorted(path.suffix for path in folder.iterdir()) == [".blend", ".json", ".json", ".vdb"]
+    return folder
+
+
+def test_models_as_json_are_the_registry_and_need_no_blender(tmp_path: Path) -> None:
+    code = (
+        "import sys; sys.modules['bpy'] = None\n"
+        "from volillum_addon.blender.cli import main\n"
+        "sys.exit(main(['models', '--json']))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path, env=ENVIRONMENT, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert done.stderr == ""
+    found = json.loads(done.stdout)
+    assert [each["id"] for each in found] == list(MODELS)
+    for each, model in zip(found, models(), strict=True):
+        assert [p["name"] for p in each["parameters"]] == [p.name for p in model.parameters]
+        given = {p["name"]: p["default"] for p in each["parameters"]}
+        assert model.values(given) == model.values({})
+        assert len(each["needs"]) == len(model.needs)
+
+
+def test_models_as_text_name_every_parameter() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "volillum_addon", "models"],
+        env=ENVIRONMENT, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    for model in models():
+        assert model.id in done.stdout
+        for parameter in model.parameters:
+            assert f"    {parameter.name} = " in done.stdout
+
+
+def test_bake_finds_its_own_bakes(made: Path) -> None:
+    call = ["bake", "plume.blend", "--model", "spherical_harmonics", *FEW, "-o", "bakes"]
+    first, second, other = session(made, call, call, [*call, "--set", "order=1"])
+    assert [first.status, second.status, other.status] == [0, 0, 0]
+    # Standard output is the file's path alone, whatever Blender says.
+    path = Path(first.out.strip())
+    assert first.out == second.out == f"{path}\n"
+    assert Path(other.out.strip()) != path
+    assert "baked in" in first.err
+    assert "found" in second.err
+    assert "baked in" in other.err
+    assert sorted(f"bakes/{each.name}" for each in (made / "bakes").iterdir()) == sorted(
+        [str(path), other.out.strip()]
+    )
+    metadata = read_metadata(made / path)
+    assert metadata["model"] == "spherical_harmonics"
+    assert metadata["parameters"]["directions"] == 8
+
+
+BAD_INPUT = {
+    # First: the file that is open is Blender's own, with a cube.
+    "no volume at all": (["bake", "--model", "spherical_harmonics"], "expected one, or name it"),
+    "no such file": (["bake", "no.blend", "--model", "spherical_harmonics"], "no.blend is not the"),
+    "not a blend": (["bake", "plume.vdb", "--model", "spherical_harmonics"], "plume.vdb cannot be"),
+    "no such scene": (
+        ["bake", "plume.blend", "--scene", "x", "--model", "spherical_harmonics"],
+        "scene is 'x'; expected one of plume",
+    ),
+    "unknown parameter": (
+        ["bake", "plume.blend", "--model", "spherical_harmonics", "--set", "theta=1"],
+        "spherical_harmonics's parameter is 'theta'; expected one of order",
+    ),
+    "out of range": (
+        ["bake", "plume.blend", "--model", "directional_occlusion", "--set", "theta=2"],
+        "theta is 2; expected 0.0174533 to 1.5708 radians",
+    ),
+    "not a number": (
+        ["bake", "plume.blend", "--model", "directional_occlusion", "--set", "theta=wide"],
+        "theta is 'wide'; expected a number",
+    ),
+    "too small an image": (["compare", "plume.blend", "--width", "2"], "width is 2; expected 8"),
+    "a volume that is none": (["scene", "calls.json"], "calls.json"),
+    "a volume that is missing": (["scene", "no.vdb"], "no.vdb"),
+    "a scene that is no blend": (["scene", "plume.vdb", "-o", "out"], "ends in .blend"),
+    "a NaN": (["scene", "nan.vdb"], "NaN"),
+    "an empty grid": (["scene", "empty.vdb"], "empty.vdb"),
+}
+
+
+@pytest.fixture(scope="module")
+def refusals(made: Path) -> dict[str, Result]:
+    """All the bad input, in one Blender."""
+    broken = plume().values.copy()
+    broken[3, 0, 7] = float("nan")
+    grid = to_vdb(plume(), "density")
+    grid.copyFromArray(plume().values)
+    accessor = grid.getAccessor()
+    accessor.setValueOn((3, 0, 7), float("nan"))  # copyFromArray would make it background
+    openvdb().write(str(made / "nan.vdb"), grids=[grid])
+    empty = openvdb().FloatGrid()
+    empty.name = "density"
+    openvdb().write(str(made / "empty.vdb"), grids=[empty])
+    calls = [
+        call if "-o" in call else [*call, "-o", "out.blend" if call[0] == "scene" else "out"]
+        for call, _ in BAD_INPUT.values()
+    ]
+    return dict(zip(BAD_INPUT, session(made, *calls), strict=True))
+
+
+@pytest.mark.parametrize("name", BAD_INPUT)
+def test_bad_input_is_one_line_status_1_and_nothing_written(
+    made: Path, refusals: dict[str, Result], name: str
+) -> None:
+    result = refusals[name]
+    assert result.status == 1
+    assert result.out == ""
+    assert BAD_INPUT[name][1] in result.line
+    assert not (made / "out").exists()
+    assert not (made / "out.blend").exists()
+    assert not list(made.glob(".*"))
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [],
+        ["nonsense"],
+        ["bake", "x.blend", "-o", "out"],
+        ["bake", "x.blend", "--model", "nonsense", "-o", "out"],
+        ["bake", "x.blend", "--model", "spherical_harmonics"],
+        ["bake", "x.blend", "--model", "spherical_harmonics", "--set", "order", "-o", "out"],
+        ["compare", "x.blend", "--models", "spherical_harmonics,nonsense", "-o", "out"],
+        ["compare", "x.blend", "--samples", "0", "-o", "out"],
+        ["compare", "x.blend", "--noise", "-1", "-o", "out"],
+        ["scene", "x.vdb", "--preset", "nonsense", "-o", "x.blend"],
+    ],
+)
+def test_wrong_usage_is_status_2(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    from volillum_addon.blender.cli import main
+
+    assert main(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert "usage: volillum" in captured.err
+
+
+def test_interrupting_a_bake_is_status_130_and_leaves_nothing(made: Path, tmp_path: Path) -> None:
+    # Some minutes of work, in kernels that hold the main thread.
+    child = start(
+        made, "bake", "plume.blend", "--model", "spherical_harmonics", "--set", "directions=4096",
+        "--set", "near=64", "-o", str(tmp_path / "out"), "--progress-seconds", "0.1",
+    )  # fmt: skip
+    assert child.stderr is not None
+    for line in child.stderr:
+        if "sweeping" in line:
+            break
+    begin = time.monotonic()
+    child.send_signal(signal.SIGINT)
+    out, err = child.communicate(timeout=60)
+    assert child.returncode == 130
+    assert out == ""
+    assert err.splitlines()[-1] == "volillum: cancelled"
+    # Kernels poll every few milliseconds of work; leaving Blender takes the rest.
+    assert time.monotonic() - begin < 20
+    assert list((tmp_path / "out").glob("**/*")) == []
+
+
+def test_the_settings_of_the_file_count(made: Path) -> None:
+    code = (
+        "import bpy, volillum_addon\n"
+        "volillum_addon.register()\n"
+        "bpy.ops.wm.open_mainfile(filepath='plume.blend')\n"
+        "settings = bpy.context.scene.volillum\n"
+        "settings.spherical_harmonics.order = 2\n"
+        "settings.spherical_harmonics.directions = 8\n"
+        "bpy.ops.wm.save_as_mainfile(filepath='set.blend')\n"
+    )
+    subprocess.run(
+        [sys.executable, "-c", code], cwd=made, env=ENVIRONMENT, check=True, capture_output=True
+    )
+    (result,) = session(
+        made, ["bake", "set.blend", "--model", "spherical_harmonics", "-o", "bakes"]
+    )
+    assert result.status == 0, result.err
+    parameters = read_metadata(made / result.out.strip())["parameters"]
+    assert (parameters["order"], parameters["directions"]) == (2, 8)

@@ -1,0 +1,122 @@
+"""Every panel draws, in every state, with names that live RNA knows."""
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import bpy
+import pytest
+from recording_layout import RecordingLayout
+
+from volillum_addon.blender import modal, panels
+from volillum_addon.blender.jobs import Job, Work
+from volillum_addon.models.model import Model
+from volillum_addon.models.registry import MODELS, models
+
+
+def draw(panel: type, scene: bpy.types.Scene) -> RecordingLayout:
+    layout = RecordingLayout()
+    panel.draw(SimpleNamespace(layout=layout), SimpleNamespace(scene=scene))
+    assert layout.log
+    return layout
+
+
+def all_drawn(scene: bpy.types.Scene) -> dict[type, RecordingLayout]:
+    return {panel: draw(panel, scene) for panel in panels.CLASSES}
+
+
+def test_panels_live_in_the_sidebar_of_the_3d_view() -> None:
+    for panel in panels.CLASSES:
+        assert (panel.bl_space_type, panel.bl_region_type) == ("VIEW_3D", "UI")
+        assert panel.bl_category == "Volillum"
+
+
+def test_a_fresh_scene(scene: bpy.types.Scene) -> None:
+    drawn = all_drawn(scene)
+    assert "volillum.bake" in drawn[panels.VOLILLUM_PT_bake].operators()
+    assert "volillum.compare" in drawn[panels.VOLILLUM_PT_compare].operators()
+    assert "plume, the only one" in drawn[panels.VOLILLUM_PT_volume].labels()
+    # The preset gives the volume a material, so there is nothing to say about its density.
+    assert "density_scale" not in drawn[panels.VOLILLUM_PT_volume].properties()
+
+
+@pytest.mark.usefixtures("extension")
+def test_a_scene_without_a_volume() -> None:
+    scene = bpy.data.scenes.new("bare")
+    try:
+        drawn = all_drawn(scene)
+        assert "Choose the volume to light" in drawn[panels.VOLILLUM_PT_volume].labels()
+    finally:
+        bpy.data.scenes.remove(scene)
+
+
+def test_a_volume_without_a_material(scene: bpy.types.Scene) -> None:
+    next(each for each in scene.objects if each.type == "VOLUME").data.materials.clear()
+    layout = draw(panels.VOLILLUM_PT_volume, scene)
+    assert {"density_scale", "albedo"} <= set(layout.properties())
+
+
+@pytest.mark.parametrize("model", models(), ids=MODELS)
+def test_every_models_parameters_are_shown(scene: bpy.types.Scene, model: Model) -> None:
+    scene.volillum.model = model.id
+    layout = draw(panels.VOLILLUM_PT_model, scene)
+    assert layout.properties() == ["model", *(p.name for p in model.parameters)]
+    text = " ".join(layout.labels())
+    assert model.summary in text
+    for need in model.needs:
+        assert f"{need.treatment} {need.feature}: {need.reason}" in text
+
+
+def test_what_a_model_leaves_out_of_this_scene_is_said(scene: bpy.types.Scene) -> None:
+    scene.volillum.model = "multidirectional_occlusion"
+    text = " ".join(draw(panels.VOLILLUM_PT_model, scene).labels())
+    assert "leaves out lights of the kinds: environment" in text
+    sun = next(each for each in scene.objects if each.type == "LIGHT")
+    bpy.data.objects.remove(sun)
+    text = " ".join(draw(panels.VOLILLUM_PT_model, scene).labels())
+    assert "the scene has environment" in text
+
+
+def test_results_and_their_report_are_shown(scene: bpy.types.Scene) -> None:
+    settings = scene.volillum
+    settings.report = "report.html"
+    for error, noise, reason in ((0.123, 0.004, ""), (0.001, 0.004, ""), (-1, -1, "no sun")):
+        line = settings.results.add()
+        line.error, line.noise, line.reason, line.seconds = error, noise, reason, 1.5
+    layout = draw(panels.VOLILLUM_PT_compare, scene)
+    labels = layout.labels()
+    assert "12.3 ± 0.4 %" in labels
+    assert "< 0.4 %" in labels
+    assert "no sun" in labels
+    assert "wm.path_open" in layout.operators()
+
+
+def test_a_running_job_shows_its_progress(
+    scene: bpy.types.Scene,
+    monkeypatch: pytest.MonkeyPatch,
+    start_job: Callable[[Work[Any]], Job[Any]],
+) -> None:
+    job = start_job(Work(lambda _control: None, lambda _result: ""))
+    job.label = "Bake"
+    monkeypatch.setattr(modal, "_current", job)
+    layout = draw(panels.VOLILLUM_PT_bake, scene)
+    assert [name for name, _ in layout.log if name == "progress"] == ["progress"]
+    assert "volillum.cancel" in layout.operators()
+    assert "volillum.bake" not in layout.operators()
+    assert "volillum.compare" in draw(panels.VOLILLUM_PT_compare, scene).operators()
+
+
+def test_the_recording_layout_notices_wrong_names(scene: bpy.types.Scene) -> None:
+    layout = RecordingLayout()
+    wrong: list[Callable[[], object]] = [
+        lambda: layout.lable(text="x"),
+        lambda: layout.label(text="x", icon="NO_SUCH_ICON"),
+        lambda: layout.label(txt="x"),
+        lambda: layout.prop(scene, "no_such_property"),
+        lambda: setattr(layout.operator("volillum.show"), "bakd", True),
+        lambda: setattr(layout.row(), "scale_q", 1.0),
+        lambda: layout.operator("volillum.no_such_operator"),
+    ]
+    for call in wrong:
+        with pytest.raises((AssertionError, KeyError, AttributeError)):
+            call()

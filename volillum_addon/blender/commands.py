@@ -1,0 +1,129 @@
+"""The commands that work on a Blender scene; each returns what to print."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..compare.measure import Options
+from ..compare.table import text
+from ..core.errors import InputError, choice
+from ..resources import PRESETS
+from .terminal import quiet, watched
+
+with quiet():
+    import bpy
+
+    from . import comparing, properties, work
+
+DEMO_VOLUME = PRESETS / "volumes" / "smoke.vdb"
+DEMO_PRESET = "smoke"
+
+
+@dataclass(frozen=True)
+class Thoroughness:
+    """How good a comparison is to be: see `volillum compare --help`."""
+
+    samples: int
+    noise: float
+    seconds: float
+    width: int | None
+
+    @classmethod
+    def of(cls, options: argparse.Namespace) -> Thoroughness:
+        """As the command line has it, noise in percent."""
+        return cls(options.samples, options.noise / 100, options.seconds, options.width)
+
+
+def make_scene(volume: Path, preset: str, target: Path) -> str:
+    """Make the scene; the file's path."""
+    with quiet():
+        work.make_scene(volume, preset, target)
+    return str(target)
+
+
+def bake(
+    file: Path | None,
+    scene_name: str | None,
+    model: str,
+    given: Mapping[str, str],
+    directory: Path,
+    progress_seconds: float | None,
+) -> str:
+    """Bake with the file's own parameters, `given` over them; the baked file's path."""
+    with quiet(), _scene(file, scene_name) as scene:
+        values = {**properties.model_values(scene.volillum, model), **given}
+        reading = work.read(scene)
+        begin = time.monotonic()
+        with watched(f"baking {model}", progress_seconds) as control:
+            baked = work.bake(reading, model, values, directory, control)
+        seconds = time.monotonic() - begin
+    for note in (*reading.notes, *baked.notes):
+        print(f"note: {note}", file=sys.stderr)
+    took = f"{baked.seconds_bake + baked.seconds_hand_over:.2f} s"
+    how = f"found, baked before in {took}" if baked.found else f"baked in {took}"
+    print(f"{model} {how} ({seconds:.2f} s in all)", file=sys.stderr)
+    return str(baked.path)
+
+
+def compare(
+    file: Path | None,
+    scene_name: str | None,
+    models: tuple[str, ...],
+    thoroughness: Thoroughness,
+    directory: Path,
+    progress_seconds: float | None,
+) -> str:
+    """Compare with the file's own parameters; the closing table and the report's path."""
+    with quiet(), _scene(file, scene_name) as scene:
+        options = Options(
+            name=scene.name,
+            samples=thoroughness.samples,
+            noise=thoroughness.noise,
+            seconds=thoroughness.seconds,
+        )
+        chosen = work.chosen_models(scene, models)
+        with watched("comparing", progress_seconds, estimated=True) as control:
+            found = comparing.compare(
+                scene, chosen, options, thoroughness.width, directory, control
+            )
+    return f"{text(found)}\n\n{directory / comparing.PAGE}"
+
+
+def demo(thoroughness: Thoroughness, directory: Path, progress_seconds: float | None) -> str:
+    """The main job on the volume that comes with the program."""
+    file = directory / f"{DEMO_VOLUME.stem}.blend"
+    make_scene(DEMO_VOLUME, DEMO_PRESET, file)
+    return compare(file, None, (), thoroughness, directory, progress_seconds)
+
+
+@contextmanager
+def _scene(file: Path | None, name: str | None) -> Iterator[bpy.types.Scene]:
+    """The scene of the file (opened in this Blender), or of the file that is open; its settings
+    are readable even where the extension is not enabled."""
+    registered = properties.is_registered()
+    if not registered:
+        properties.register()
+    try:
+        if file is not None:
+            _open(file)
+        if name is not None:
+            choice("scene", name, tuple(bpy.data.scenes.keys()))
+        yield bpy.data.scenes[name] if name is not None else bpy.context.scene
+    finally:
+        if not registered:
+            properties.unregister()
+
+
+def _open(file: Path) -> None:
+    if not file.is_file():
+        raise InputError(f"{file} is not there; expected a .blend file")
+    try:
+        bpy.ops.wm.open_mainfile(filepath=str(file.absolute()), load_ui=False)
+    except RuntimeError as error:
+        raise InputError(f"{file} cannot be opened: {error}; expected a .blend file") from error

@@ -1,0 +1,147 @@
+"""The operators: thin shells around `work`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, override
+
+import bpy
+
+from ..compare.measure import Options
+from ..core.control import Control
+from ..core.errors import InputError
+from . import child, comparing, modal, work
+from .failures import EXPECTED, one_line
+from .jobs import Work
+from .places import output_directory
+from .properties import model_values
+
+
+def _scene(name: str) -> bpy.types.Scene:
+    """The scene of a job that has ended; it may have been removed meanwhile."""
+    scene = bpy.data.scenes.get(name)
+    if scene is None:
+        raise InputError(f"scene {name!r} is gone; expected it where the result belongs")
+    return scene
+
+
+class VOLILLUM_OT_bake(modal.WorkOperator, bpy.types.Operator):
+    """Bake the chosen model's illumination of the volume into a VDB file."""
+
+    bl_idname = "volillum.bake"
+    bl_label = "Bake"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender's own form
+
+    @override
+    def prepare(self, context: bpy.types.Context) -> Work[Any]:
+        """Read the scene; the bake itself knows nothing of Blender."""
+        scene = context.scene
+        settings = scene.volillum
+        name, model = scene.name, settings.model
+        source, reading = work.noted_source(scene), work.read(scene)
+        values = model_values(settings, model)
+        directory = output_directory(settings.directory)
+        return Work(
+            lambda control: work.bake(reading, model, values, directory, control),
+            lambda baked: work.keep(_scene(name), baked, source),
+        )
+
+
+class VOLILLUM_OT_show(bpy.types.Operator):
+    """Show the last bake, under the lights as they are now, in place of the volume."""
+
+    bl_idname = "volillum.show"
+    bl_label = "Show"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+
+    baked: bpy.props.BoolProperty(
+        name="Baked", description="Show the bake; off: show the volume itself again", default=True
+    )
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Swap the volume for its bake, or back."""
+        scene = context.scene
+        path = scene.volillum.baked.path
+        try:
+            if not self.baked:
+                work.hide(scene)
+                return {"FINISHED"}
+            if not path:
+                raise InputError(f"scene {scene.name!r} has no bake; expected Bake before Show")
+            work.show(scene, Path(bpy.path.abspath(path)))
+        except EXPECTED as error:
+            self.report({"ERROR"}, one_line(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+class VOLILLUM_OT_compare(modal.WorkOperator, bpy.types.Operator):
+    """Measure the models' errors and times against Cycles' full scattering, as a report."""
+
+    bl_idname = "volillum.compare"
+    bl_label = "Compare"
+    bl_options = {"REGISTER"}  # noqa: RUF012
+
+    @override
+    def prepare(self, context: bpy.types.Context) -> Work[Any]:
+        """All in this process: Cycles renders in the main thread, where scripts run."""
+        scene = context.scene
+        settings, name = scene.volillum, scene.name
+        directory = output_directory(settings.directory)
+        models = () if settings.compare_all else (settings.model,)
+
+        def compute(control: Control) -> Path:
+            options = Options(name=name, noise=settings.noise / 100, seconds=settings.budget)
+            chosen = work.chosen_models(scene, models)
+            comparing.compare(scene, chosen, options, settings.width, directory, control)
+            return directory / comparing.PAGE
+
+        return Work(compute, lambda page: _keep_report(name, page), estimates=True)
+
+    @override
+    def prepare_beside(self, context: bpy.types.Context) -> Work[Any]:
+        """In a Blender of its own, on a copy of the file: the user goes on working, Cycles may take
+        its minutes, Esc ends it at once, and nothing of it can touch the open file."""
+        scene = context.scene
+        settings, name = scene.volillum, scene.name
+        directory = output_directory(settings.directory)
+        copy = child.save_copy()
+        arguments = [
+            "compare", str(copy.file), "--scene", name, "-o", str(directory),
+            "--noise", f"{settings.noise:g}", "--seconds", f"{settings.budget:g}",
+            "--width", str(settings.width),
+        ]  # fmt: skip
+        if not settings.compare_all:
+            arguments += ["--models", settings.model]
+
+        def compute(control: Control) -> Path:
+            with copy:
+                return Path(child.run(arguments, control))
+
+        return Work(compute, lambda page: _keep_report(name, page), estimates=True)
+
+
+def _keep_report(name: str, page: Path) -> str:
+    report = json.loads(page.with_name("report.json").read_text(encoding="utf-8"))
+    return work.keep_report(_scene(name), report, page)
+
+
+class VOLILLUM_OT_cancel(bpy.types.Operator):
+    """Stop the work that is running; the last good result stays."""
+
+    bl_idname = "volillum.cancel"
+    bl_label = "Cancel"
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        """Only while something runs."""
+        return modal.current() is not None
+
+    def execute(self, _context: bpy.types.Context) -> set[str]:
+        """The job ends at its next poll."""
+        modal.stop()
+        return {"FINISHED"}
+
+
+CLASSES = (VOLILLUM_OT_bake, VOLILLUM_OT_show, VOLILLUM_OT_compare, VOLILLUM_OT_cancel)

@@ -1,0 +1,120 @@
+"""Whether the last bake still fits the scene, and what has changed since.
+
+Runs at every redraw of the panel, so it never reads a voxel: the medium's part of a bake's digests
+is stood in for by its source (file, place, material), which is noted when the bake is made.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from functools import lru_cache
+from hashlib import blake2b
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..bake.hashing import PARTS
+from ..bake.vdb import read_metadata
+from ..core.errors import InputError
+from ..models.model import Model, Value
+from ..models.registry import get
+from .outline import closures, outline
+from .properties import model_values
+
+
+def source(settings: Any, volume: bpy.types.Object) -> dict[str, str]:
+    """What the medium comes from, part by part, each as a digest."""
+    data = volume.data
+    path = Path(bpy.path.abspath(data.filepath))
+    try:
+        state = path.stat()
+        file = [str(path), state.st_size, state.st_mtime_ns]
+    except OSError:
+        file = [str(path)]
+    place = [list(row) for row in volume.matrix_world]
+    return {
+        "the volume's file or grid": _digest([*file, settings.density_grid]),
+        "the volume's place": _digest([*place, data.render.space]),
+        "the volume's material": _digest(_coefficients(settings, volume)),
+    }
+
+
+def changes(scene: bpy.types.Scene, volume: bpy.types.Object | None) -> tuple[str, ...]:
+    """What has changed since the scene's last bake, in plain words; empty when it is fresh."""
+    settings = scene.volillum
+    baked = settings.baked
+    if not baked.path:
+        return ()
+    try:
+        metadata = _metadata(bpy.path.abspath(baked.path))
+    except (InputError, OSError):
+        return ("the baked file is gone",)
+    if volume is None:
+        return ("the volume is gone",)
+    model = get(baked.model)
+    now, before = source(settings, volume), json.loads(baked.source or "{}")
+    return (
+        *(f"{part} has changed" for part in now if before.get(part) != now[part]),
+        *_parameters(metadata["parameters"], model_values(settings, model.id)),
+        *_parts(scene, volume, model, metadata["inputs"]),
+    )
+
+
+def _parameters(before: Mapping[str, Any], now: Mapping[str, Value]) -> list[str]:
+    """Parameters are stored as they were given: the same number reads as the same value."""
+    return [
+        f"{name} was {_shown(before.get(name))}, is {_shown(value)}"
+        for name, value in now.items()
+        if _shown(before.get(name)) != _shown(value)
+    ]
+
+
+def _shown(value: object) -> str:
+    try:
+        return f"{float(value):.6g}"  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        return str(value)
+
+
+def _parts(
+    scene: bpy.types.Scene, volume: bpy.types.Object, model: Model, before: Mapping[str, str]
+) -> list[str]:
+    """The lights' and the camera's digests against those of the bake."""
+    parts = [part for part in sorted(model.rebake_on) if part in PARTS]
+    if not parts:
+        return []
+    try:
+        bare = outline(scene, volume)
+        return [
+            f"the {part} has changed"
+            for part in parts
+            if PARTS[part](bare, model) != before.get(part)
+        ]
+    except InputError as error:
+        return [str(error)]
+
+
+def _coefficients(settings: Any, volume: bpy.types.Object) -> list[Any]:
+    """What the medium's coefficients are made of, beside the grids."""
+    try:
+        parts = closures(volume)
+    except InputError as error:
+        return [str(error)]
+    fields = [field for part in parts for field in (part.sigma_s, part.sigma_a, part.emission)]
+    plain = [
+        [field.constant.tolist(), {name: m.tolist() for name, m in sorted(field.grids.items())}]
+        for field in fields
+    ]
+    return plain or [settings.density_scale, *settings.albedo]
+
+
+# Baked files never change under their name.
+@lru_cache(maxsize=16)
+def _metadata(path: str) -> Mapping[str, Any]:
+    return read_metadata(path)
+
+
+def _digest(value: list[Any]) -> str:
+    return blake2b(json.dumps(value).encode(), digest_size=8).hexdigest()

@@ -1,0 +1,132 @@
+"""What the operators and the command line do: plain functions, so that both do the same."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..bake.run import Baked, bake_file
+from ..core.control import Control
+from ..core.errors import InputError
+from ..models.model import Value
+from ..models.registry import models
+from . import scene_presets, staleness
+from .display import show_bake
+from .medium_reader import MediumSettings
+from .properties import model_values
+from .scene_reader import Reading, read_scene
+
+
+def chosen_volume(scene: bpy.types.Scene) -> bpy.types.Object | None:
+    """The volume that the settings name, or else the only one that is not a shown bake."""
+    settings = scene.volillum
+    if settings.volume is not None:
+        return settings.volume
+    shown = settings.baked.shown
+    volumes = [
+        each for each in scene.objects
+        if each.type == "VOLUME" and each != shown and not each.hide_render
+    ]  # fmt: skip
+    return volumes[0] if len(volumes) == 1 else None
+
+
+def read(scene: bpy.types.Scene) -> Reading:
+    """The scene as the core sees it, by the scene's settings. Raises InputError."""
+    settings = scene.volillum
+    plain = MediumSettings(settings.density_scale, tuple(settings.albedo))
+    return read_scene(scene, chosen_volume(scene), settings.density_grid or None, plain)
+
+
+def bake(
+    reading: Reading, model: str, values: Mapping[str, object], directory: Path, control: Control
+) -> Baked:
+    """The model's bake as a file, found or computed. Any thread. Raises InputError, Cancelled."""
+    return bake_file(reading.scene, model, directory, reading.stem, values, control)
+
+
+def keep(scene: bpy.types.Scene, baked: Baked, source: Mapping[str, str]) -> str:
+    """Note the bake in the scene's settings and return the line to say about it."""
+    kept = scene.volillum.baked
+    kept.path = str(baked.path)
+    kept.model = baked.model
+    kept.seconds = baked.seconds_bake + baked.seconds_hand_over
+    kept.found = baked.found
+    kept.notes = "\n".join(baked.notes)
+    kept.source = json.dumps(source)
+    how = "found" if baked.found else f"baked in {kept.seconds:.2f} s"
+    return f"{baked.path.name} {how}"
+
+
+def noted_source(scene: bpy.types.Scene) -> dict[str, str]:
+    """What the bake about to be made comes from; InputError without a volume."""
+    volume = chosen_volume(scene)
+    if volume is None:
+        raise InputError(f"scene {scene.name!r} names no volume; expected one volume object")
+    return staleness.source(scene.volillum, volume)
+
+
+def show(scene: bpy.types.Scene, path: Path) -> bpy.types.Object:
+    """Show a bake in place of its volume, under the scene's lights as they are now."""
+    settings = scene.volillum
+    volume = chosen_volume(scene)
+    before = settings.baked.shown
+    shown = show_bake(path, scene, scene.collection)
+    if before is not None and before != shown:
+        discard(before)
+    settings.baked.shown = shown
+    if volume is not None:
+        settings.volume = volume
+        volume.hide_render = volume.hide_viewport = True
+    return shown
+
+
+def hide(scene: bpy.types.Scene) -> None:
+    """Show the volume itself again instead of its bake."""
+    settings = scene.volillum
+    if settings.baked.shown is not None:
+        discard(settings.baked.shown)
+    if settings.volume is not None:
+        settings.volume.hide_render = settings.volume.hide_viewport = False
+
+
+def discard(shown: bpy.types.Object) -> None:
+    """Remove a shown bake with its data and material, where nothing else uses them."""
+    data = shown.data
+    materials = [material for material in data.materials if material is not None]
+    bpy.data.objects.remove(shown)
+    for block in (data, *materials):
+        if block.users == 0:
+            bpy.data.batch_remove([block])
+
+
+def make_scene(volume: Path, preset: str, target: Path) -> None:
+    """A .blend with the volume in the preset's light; replaces what is open in this Blender."""
+    from .scene_builder import save_scene
+
+    save_scene(volume, scene_presets.load(preset), target)
+
+
+def chosen_models(scene: bpy.types.Scene, ids: tuple[str, ...]) -> dict[str, dict[str, Value]]:
+    """The models to compare with their parameters; all of them for an empty choice."""
+    wanted = ids or tuple(model.id for model in models())
+    return {id_: model_values(scene.volillum, id_) for id_ in wanted}
+
+
+def keep_report(scene: bpy.types.Scene, report: Mapping[str, Any], page: Path) -> str:
+    """Note a comparison's figures in the scene's settings; returns the line to say about it."""
+    settings = scene.volillum
+    settings.results.clear()
+    for model in report["models"]:
+        line = settings.results.add()
+        line.model = model["id"]
+        line.reason = model["reason"] or ""
+        total = model["errors"]["total"]
+        if total is not None:
+            line.error, line.noise = total["relative_rmse"], total["noise"]
+            line.seconds = model["seconds"]["total"]
+    settings.report = str(page)
+    return f"compared {len(settings.results)} models: {page}"
