@@ -34,9 +34,6 @@ def walk(thickness: float, albedo: float, bounces: int, count: int = 20_000) -> 
     return late / light
 
 
-SLABS = [(2.0, 0.99), (8.0, 0.9), (8.0, 1.0), (20.0, 1.0)]
-
-
 @pytest.mark.parametrize(
     ("thickness", "albedo"), [(2.0, 0.99), (8.0, 0.9), (8.0, 1.0), (20.0, 1.0)]
 )
