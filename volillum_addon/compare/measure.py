@@ -73,9 +73,11 @@ class Bench:
         return self.directory / "parts" / f"{kind}_{key}.npz"
 
     def stopping(self, share: float = 1.0) -> Stopping:
-        """When a rendering with this share of the full reference's budget is good enough."""
+        """When a rendering with this share of the full reference's budget is good enough; its seeds
+        are as much smaller, so that the fewest that make a standard error fit the budget."""
         options = self.options
-        return Stopping(options.noise, options.seconds * share, options.samples)
+        samples = max(1, round(options.samples * share))
+        return Stopping(options.noise, options.seconds * share, samples)
 
 
 @dataclass(frozen=True, eq=False)
