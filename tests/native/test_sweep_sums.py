@@ -216,6 +216,26 @@ def test_output_owns_its_memory() -> None:
     assert found.flags.c_contiguous
 
 
+def test_writes_to_the_callers_array() -> None:
+    """All of it, whatever it held, also where no direction counts."""
+    sigma_t, directions = random_grid((20, 30, 40)), random_directions(5)
+    weights = np.random.default_rng(13).random((5, 3), dtype=np.float32)
+    out = np.full((3, 20, 30, 40), np.nan, np.float32)
+    found = volillum_native.sweep(sigma_t, IDENTITY, directions, weights, out=out)
+    assert found is out
+    np.testing.assert_array_equal(
+        out, volillum_native.sweep(sigma_t, IDENTITY, directions, weights)
+    )
+    volillum_native.sweep(sigma_t, IDENTITY, directions, 0 * weights, out=out)
+    assert np.all(out == 0)
+    nodes = np.zeros((5, *lattice_shape(sigma_t.shape, 8)), np.float32)
+    nodes[2, 0, 0, 0] = 1
+    out[:] = np.nan
+    volillum_native.sweep_weighted(sigma_t, IDENTITY, directions, nodes, 8, out=out[0])
+    assert out[0, 0, 0, 0] > 0
+    assert np.all(out[0, 8:] == 0)
+
+
 GRID = random_grid((4, 5, 6))
 ONE = np.ones((1, 1), np.float32)
 WEST = np.array([[1.0, 0, 0]])
@@ -246,6 +266,8 @@ WEST = np.array([[1.0, 0, 0]])
         ({"radius": 0.0}, ValueError, "radius is 0.*positive"),
         ({"radius": np.nan}, ValueError, "radius is .*nan"),
         ({"near_slices": -1}, ValueError, "near_slices is -1; expected 0 or more"),
+        ({"out": GRID}, ValueError, r"out has shape \(4, 5, 6\)"),
+        ({"out": GRID[None]}, ValueError, "out shares memory with sigma_t"),
         ({"quantity": "depth"}, ValueError, "quantity is 'depth'; expected 'transmittance'"),
     ],
 )

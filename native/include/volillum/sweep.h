@@ -29,7 +29,7 @@ struct SweepScene {
     int count;
 };
 
-// out[c] = sum_d weights[d, c] Q(x, directions[d]); out is [channels, n0, n1, n2], zero on entry.
+// out[c] = sum_d weights[d, c] Q(x, directions[d]); out is [channels, n0, n1, n2].
 void sweep(const SweepScene &scene, const Real *weights, int channels,
            const SweepSettings &settings, Real *out);
 
@@ -39,7 +39,7 @@ constexpr int weight_nodes(int size, int spacing) {
 }
 
 // out = sum_d w_d(x) Q(x, directions[d]); w_d is the trilinear interpolant of weights[d, a, b, c],
-// given at the voxels (a, b, c) * spacing. out is [n0, n1, n2], zero on entry.
+// given at the voxels (a, b, c) * spacing. out is [n0, n1, n2].
 void sweep_weighted(const SweepScene &scene, const Real *weights, int spacing,
                     const SweepSettings &settings, Real *out);
 

@@ -6,6 +6,7 @@
 #include <nanobind/stl/string.h>
 
 #include <climits>
+#include <functional>
 #include <limits>
 
 #include "arrays.h"
@@ -61,25 +62,39 @@ Quantity read_quantity(const std::string &name) {
         ("quantity is '" + name + "'; expected 'transmittance' or 'optical_depth'").c_str());
 }
 
-// A new float32 array of zeros that owns its memory, made by numpy so that large ones get the
+// The caller's array, or a new one that owns its memory, made by numpy so that a large one gets the
 // pages that numpy asks for.
-template <class... Sizes>
-std::pair<RealArray, Real *> zeros(Sizes... sizes) {
-    nb::object array = nb::module_::import_("numpy").attr("zeros")(
-        nb::make_tuple(sizes...), sizeof(Real) == 4 ? "float32" : "float64");
-    const auto view = nb::cast<nb::ndarray<Real, nb::c_contig, nb::device::cpu>>(array);
-    return {nb::borrow<RealArray>(array), view.data()};
+std::pair<RealArray, Real *> output(const nb::object &out, const AnyArray &sigma_t,
+                                    std::initializer_list<std::int64_t> shape) {
+    nb::object array = out;
+    if (out.is_none()) {
+        nb::list sizes;
+        for (const std::int64_t size : shape) sizes.append(size);
+        array = nb::module_::import_("numpy").attr("empty")(
+            nb::tuple(sizes), sizeof(Real) == 4 ? "float32" : "float64");
+    }
+    nb::ndarray<nb::device::cpu> view;
+    if (!nb::try_cast(array, view))
+        throw nb::type_error("out is not a writable array; expected float32 as is returned");
+    Real *data = const_cast<Real *>(
+        require<Real>(nb::cast<AnyArray>(array), "out", "the shape that is returned", shape));
+    const Real *medium = static_cast<const Real *>(sigma_t.data());
+    if (std::less<>()(data, medium + sigma_t.size()) && std::less<>()(medium, data + view.size()))
+        throw nb::value_error("out shares memory with sigma_t; expected another array");
+    return {nb::borrow<RealArray>(array), data};
 }
 
 RealArray sweep(const AnyArray &sigma_t, const AnyArray &index_to_world, const AnyArray &directions,
                 const AnyArray &weights, double radius, int near_slices,
-                const std::string &quantity, int threads, Control *control) {
+                const std::string &quantity, int threads, Control *control,
+                const nb::object &out_or_none) {
     const SweepScene scene = read_scene(sigma_t, index_to_world, directions);
     const Real *weight =
         require<Real>(weights, "weights", "[d, c], one row per direction", {scene.count, -1});
     const SweepSettings settings{radius, near_slices, read_quantity(quantity), threads, control};
     const int channels = int(weights.shape(1));
-    const auto [out, data] = zeros(channels, scene.shape[0], scene.shape[1], scene.shape[2]);
+    const auto [out, data] =
+        output(out_or_none, sigma_t, {channels, scene.shape[0], scene.shape[1], scene.shape[2]});
     {
         const nb::gil_scoped_release release;
         volillum::sweep(scene, weight, channels, settings, data);
@@ -89,7 +104,8 @@ RealArray sweep(const AnyArray &sigma_t, const AnyArray &index_to_world, const A
 
 RealArray sweep_weighted(const AnyArray &sigma_t, const AnyArray &index_to_world,
                          const AnyArray &directions, const AnyArray &weights, int spacing,
-                         double radius, int near_slices, int threads, Control *control) {
+                         double radius, int near_slices, int threads, Control *control,
+                         const nb::object &out_or_none) {
     const SweepScene scene = read_scene(sigma_t, index_to_world, directions);
     if (spacing < 1)
         throw nb::value_error(
@@ -103,7 +119,8 @@ RealArray sweep_weighted(const AnyArray &sigma_t, const AnyArray &index_to_world
     const Real *weight = require<Real>(weights, "weights", axes.c_str(),
                                        {scene.count, nodes[0], nodes[1], nodes[2]});
     const SweepSettings settings{radius, near_slices, Quantity::transmittance, threads, control};
-    const auto [out, data] = zeros(scene.shape[0], scene.shape[1], scene.shape[2]);
+    const auto [out, data] =
+        output(out_or_none, sigma_t, {scene.shape[0], scene.shape[1], scene.shape[2]});
     {
         const nb::gil_scoped_release release;
         volillum::sweep_weighted(scene, weight, spacing, settings, data);
@@ -122,7 +139,7 @@ falls to zero over one voxel beyond the border voxels.
 Optical depth is summed along a lattice of rays, sheared to each direction, and interpolated
 once (second order); the first `near_slices` slices from each voxel along the direction's
 major index axis are integrated exactly. With as many near slices as the grid has, all is
-exact, at a price. Opposite directions share the samples' cache, not their sums.
+exact, at a price. Opposite directions keep sums of their own: none is a difference.
 
 sigma_t: float32 [nx, ny, nz] per world unit, C-contiguous, finite, not negative.
 index_to_world: float64 [4, 4]; any invertible affine; only its linear part matters.
@@ -132,6 +149,8 @@ radius: world units; inf: to the border.
 quantity: 'transmittance' or 'optical_depth'.
 threads: 0: all cores. The result is the same, bit for bit, for any number.
 control: cancels (raises Cancelled) and tells the progress.
+out: an array to write to instead of a new one; the system takes as long to give new pages as
+the sweep takes to fill them.
 Returns float32 [c, nx, ny, nz].
 Raises ValueError for wrong shapes, a singular affine, directions that are not of unit length
 to 1e-6, or settings out of range; TypeError for wrong types.)";
@@ -153,8 +172,8 @@ void bind_sweep(nb::module_ &module) {
     module.def("sweep", &sweep, "sigma_t"_a, "index_to_world"_a, "directions"_a, "weights"_a,
                nb::kw_only(), "radius"_a = infinity, "near_slices"_a = 4,
                "quantity"_a = "transmittance", "threads"_a = 0, "control"_a = nb::none(),
-               sweep_doc);
+               "out"_a = nb::none(), sweep_doc);
     module.def("sweep_weighted", &sweep_weighted, "sigma_t"_a, "index_to_world"_a, "directions"_a,
                "weights"_a, "spacing"_a, nb::kw_only(), "radius"_a = infinity, "near_slices"_a = 4,
-               "threads"_a = 0, "control"_a = nb::none(), sweep_weighted_doc);
+               "threads"_a = 0, "control"_a = nb::none(), "out"_a = nb::none(), sweep_weighted_doc);
 }

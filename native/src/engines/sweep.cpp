@@ -20,7 +20,7 @@ struct Workspace {
     RaySums sums;
     Scratch scratch;
     std::vector<int> active;
-    Reals values, channel_sums, weights, plane;
+    Reals values, weights, plane;
 };
 
 class Run {
@@ -143,12 +143,16 @@ private:
     void march_tile(const Pass &pass, const Tiling &tiling, const Needs &needs,
                     std::vector<LatticePlanes> &planes, int slab, int tile, Workspace &space) {
         const Box box = tiling.box(slab, tile);
-        if (!needs.any(slab, tile)) return;
+        if (!needs.any(slab, tile)) {
+            if (!written_) clear(pass.frame, box);
+            return;
+        }
         const bool filled =
             space.block.load(pass.frame, sigma_t(pass.frame), largest_, tiling.reach(box, pass));
         const int lanes = round_up(box.columns.size());
-        const std::size_t voxels = std::size_t(box.slices.size() * box.rows.size() * lanes);
-        space.values.resize(voxels * std::size_t(tiling.batch));
+        const std::size_t tile_voxels = std::size_t(box.slices.size() * box.rows.size() * lanes);
+        space.values.resize(tile_voxels *
+                            std::min(std::size_t(tiling.batch), pass.directions.size()));
         bool add = written_;
         for (std::size_t first = 0; first < pass.directions.size();
              first += std::size_t(tiling.batch)) {
@@ -160,15 +164,26 @@ private:
                 if (need == Need::nothing) continue;
                 Real *values = nullptr;
                 if (need == Need::values) {
-                    values = space.values.data() + voxels * space.active.size();
+                    values = space.values.data() + tile_voxels * space.active.size();
                     space.active.push_back(pass.directions[d].index);
                 }
                 march_direction(pass, d, box, tiling, filled, slab, planes[d], values, space);
             }
             if (space.active.empty()) continue;
-            emit({pass.frame, box, space.active, space.values.data(), voxels, lanes}, add, space);
+            weights_.sum({pass.frame, box, space.active, space.values.data(), tile_voxels, lanes},
+                         add, space.weights, out_, voxels());
             add = true;
         }
+        if (!add) clear(pass.frame, box);
+    }
+
+    // The first pass writes every voxel, also those that no direction counts for.
+    void clear(const Frame &frame, const Box &box) {
+        for (int channel = 0; channel < weights_.channels(); ++channel)
+            for (int t = box.slices.begin; t < box.slices.end; ++t)
+                for (int b = box.rows.begin; b < box.rows.end; ++b)
+                    std::fill_n(out_ + channel * voxels() + frame.element(t, b, box.columns.begin),
+                                box.columns.size(), Real(0));
     }
 
     void march_direction(const Pass &pass, std::size_t d, const Box &box, const Tiling &tiling,
@@ -198,24 +213,6 @@ private:
                 settings_.quantity == Quantity::transmittance ? Real(1) : Real(0));
         if (slab + 1 < tiling.slabs && direction.has_far_field)
             planes.store(slab, direction.crossing(box.slices.end - 1), box, space.sums);
-    }
-
-    void emit(const Batch &batch, bool add, Workspace &space) {
-        const Box &tile = batch.tile;
-        space.channel_sums.resize(std::size_t(kChannelGroup * batch.lanes));
-        Real *sums = space.channel_sums.data();
-        for (int first = 0; first < weights_.channels(); first += kChannelGroup) {
-            const int channels = std::min(kChannelGroup, weights_.channels() - first);
-            for (int t = tile.slices.begin; t < tile.slices.end; ++t)
-                for (int b = tile.rows.begin; b < tile.rows.end; ++b) {
-                    weights_.sum(batch, t, b, first, channels, space.weights, sums);
-                    Real *out =
-                        out_ + first * voxels() + batch.frame.element(t, b, tile.columns.begin);
-                    for (int channel = 0; channel < channels; ++channel)
-                        emit_row(sums + channel * batch.lanes, tile.columns.size(), add,
-                                 out + channel * voxels());
-                }
-        }
     }
 
     const SweepScene &scene_;

@@ -6,10 +6,12 @@
 namespace volillum::sweep_detail {
 namespace {
 
-// Measured on 256^3: results of a batch of directions stay in a second-level cache of 1 MiB.
-constexpr int kBatchBytes = 512 * 1024;
-constexpr int kLargestBatch = 16;
-constexpr int kTileColumns = 128;
+// Measured on 256^3. Whole rows suit the memory's prefetching; slabs of 8 keep the skew of a tile's
+// rays small; high tiles have little overlap, low ones leave room in the second-level cache for the
+// results of a batch of directions. Larger batches touch the output less often.
+constexpr int kSlabSlices = 8, kTileColumns = 256;
+constexpr int kFewDirections = 3, kHighTile = 64, kLowTile = 16;
+constexpr int kBatchBytes = 2 * 1024 * 1024, kLargestBatch = 16;
 
 int even_tile(int size, int largest, int multiple) {
     const int tiles = (size + largest - 1) / largest;
@@ -20,10 +22,8 @@ int even_tile(int size, int largest, int multiple) {
 }  // namespace
 
 Tiling::Tiling(const Frame &frame_, std::size_t directions) : frame(frame_) {
-    // Thin slabs keep the skew of a tile's rays small; thick ones save copies where there are few
-    // directions.
-    slab_slices = directions < 4 ? 16 : 8;
-    tile_rows = even_tile(frame.rows, directions < 4 ? 32 : 16, 1);
+    slab_slices = kSlabSlices;
+    tile_rows = even_tile(frame.rows, directions <= kFewDirections ? kHighTile : kLowTile, 1);
     tile_columns = even_tile(frame.columns, kTileColumns, kLanes);
     slabs = (frame.slices + slab_slices - 1) / slab_slices;
     row_tiles = (frame.rows + tile_rows - 1) / tile_rows;
@@ -90,7 +90,7 @@ bool LatticePlanes::load(int slab, const Crossing &crossing, RaySums &sums) cons
         const std::size_t from = offset(row, column_begin);
         const std::size_t to = sums.offset(row - crossing.row, column_begin - crossing.column);
         const int count = column_end - column_begin;
-        filled |= copy_row(high.data() + from, count, std::numeric_limits<Real>::max(),
+        filled |= copy_row(high.data() + from, count, std::numeric_limits<Real>::max(), 0,
                            sums.high.data() + to);
         std::memcpy(sums.low.data() + to, low.data() + from, std::size_t(count) * sizeof(Real));
     }

@@ -22,6 +22,8 @@ struct Frame {
 
     Frame(const Index3 &shape, int major_axis, bool is_forward);
     bool transposed() const { return axis == 2; }
+    bool rows_are_inner() const { return axis == 0; }  // in memory, slices are otherwise
+    std::ptrdiff_t inner_stride() const { return rows_are_inner() ? row_stride : slice_stride; }
     int index_along_axis(int t) const { return forward ? slices - 1 - t : t; }
     std::ptrdiff_t element(int t, int b, int c) const {
         return origin + t * slice_stride + b * row_stride + c;

@@ -20,7 +20,9 @@ VOLILLUM_INLINE Real clipped(Real value, Real largest) {
 
 }  // namespace
 
-VOLILLUM_DISPATCH bool copy_row(const Real *source, int count, Real largest, Real *target) {
+VOLILLUM_DISPATCH bool copy_row(const Real *source, int count, Real largest, std::ptrdiff_t next,
+                                Real *target) {
+    for (int c = 0; c < count; c += kLanes) __builtin_prefetch(source + next + c);
     const Real *__restrict from = source;
     Real *__restrict to = target;
     Bits bits = 0;
@@ -45,21 +47,20 @@ bool Block::load(const Frame &frame, const Real *sigma_t, Real largest, const Bo
     const Range slices = clip(box.slices, frame.slices), rows = clip(box.rows, frame.rows),
                 columns = clip(box.columns, frame.columns);
     bool filled = false;
-    for (int t = box.slices.begin; t < box.slices.end; ++t)
-        for (int b = box.rows.begin; b < box.rows.end; ++b) {
-            Real *row = const_cast<Real *>(at(t, b, box.columns.begin));
-            Real *row_end = row + box.columns.size();
-            if (t < slices.begin || t >= slices.end || b < rows.begin || b >= rows.end ||
-                columns.size() == 0) {
-                std::fill(row, row_end, Real(0));
-                continue;
-            }
-            Real *inside = row + (columns.begin - box.columns.begin);
-            std::fill(row, inside, Real(0));
-            filled |= copy_row(sigma_t + frame.element(t, b, columns.begin), columns.size(),
-                               largest, inside);
-            std::fill(inside + columns.size(), row_end, Real(0));
+    box.for_rows(frame, [&](int t, int b) {
+        Real *row = const_cast<Real *>(at(t, b, box.columns.begin));
+        Real *row_end = row + box.columns.size();
+        if (t < slices.begin || t >= slices.end || b < rows.begin || b >= rows.end ||
+            columns.size() == 0) {
+            std::fill(row, row_end, Real(0));
+            return;
         }
+        Real *inside = row + (columns.begin - box.columns.begin);
+        std::fill(row, inside, Real(0));
+        filled |= copy_row(sigma_t + frame.element(t, b, columns.begin), columns.size(), largest,
+                           frame.inner_stride(), inside);
+        std::fill(inside + columns.size(), row_end, Real(0));
+    });
     return filled;
 }
 
@@ -71,17 +72,38 @@ void RaySums::reset(const RayRanges &rays) {
     low.assign(size, 0);
 }
 
-VOLILLUM_DISPATCH void weigh(const Real *values, std::size_t value_stride, int directions,
-                             const Real *weights, int channels, int lanes, Real *sums) {
-    for (int i = 0; i < lanes; i += kLanes) {
+namespace {
+
+// out[i] = or += sums[i] for the first `count` of a pack.
+VOLILLUM_INLINE void emit(const Pack &sums, int count, bool add, Real *out) {
+    if (count >= kLanes) {
+        if (add)
+            pack(out) += sums;
+        else
+            pack(out) = sums;
+    } else {
+        for (int k = 0; k < count; ++k) out[k] = add ? out[k] + sums[k] : sums[k];
+    }
+}
+
+VOLILLUM_DISPATCH void weigh_one(const Real *values, std::size_t value_stride, int directions,
+                                 const Real *weights, int count, bool add, Real *out,
+                                 std::ptrdiff_t next) {
+    for (int i = 0; i < count; i += kLanes) {
+        const Real *p = values + i;
+        Pack s = weights[0] * pack(p);
+        for (int d = 1; d < directions; ++d)
+            s += weights[d * kChannelGroup] * pack(p += value_stride);
+        __builtin_prefetch(out + i + next, 1);
+        emit(s, count - i, add, out + i);
+    }
+}
+
+VOLILLUM_DISPATCH void weigh_group(const Real *values, std::size_t value_stride, int directions,
+                                   const Real *weights, int channels, int count, bool add,
+                                   Real *out, std::ptrdiff_t out_stride, std::ptrdiff_t next) {
+    for (int i = 0; i < count; i += kLanes) {
         const Real *p = values + i, *w = weights;
-        if (channels == 1) {
-            Pack s = w[0] * pack(p);
-            for (int d = 1; d < directions; ++d)
-                s += w[d * kChannelGroup] * pack(p += value_stride);
-            pack(sums + i) = s;
-            continue;
-        }
         Pack s0{}, s1{}, s2{}, s3{};
         for (int d = 0; d < directions; ++d, p += value_stride, w += kChannelGroup) {
             const Pack value = pack(p);
@@ -90,33 +112,39 @@ VOLILLUM_DISPATCH void weigh(const Real *values, std::size_t value_stride, int d
             s2 += w[2] * value;
             s3 += w[3] * value;
         }
-        pack(sums + i) = s0;
-        pack(sums + lanes + i) = s1;
-        pack(sums + 2 * lanes + i) = s2;
-        pack(sums + 3 * lanes + i) = s3;
+        Real *to = out + i;
+        for (int channel = 0; channel < channels; ++channel)
+            __builtin_prefetch(to + channel * out_stride + next, 1);
+        emit(s0, count - i, add, to);
+        if (channels > 1) emit(s1, count - i, add, to + out_stride);
+        if (channels > 2) emit(s2, count - i, add, to + 2 * out_stride);
+        if (channels > 3) emit(s3, count - i, add, to + 3 * out_stride);
     }
 }
 
-VOLILLUM_DISPATCH void multiply_add(const Real *values, const Real *weights, int lanes,
+}  // namespace
+
+void weigh_row(const Real *values, std::size_t value_stride, int directions, const Real *weights,
+               int channels, int count, bool add, Real *out, std::ptrdiff_t out_stride,
+               std::ptrdiff_t next) {
+    if (channels == 1)
+        weigh_one(values, value_stride, directions, weights, count, add, out, next);
+    else
+        weigh_group(values, value_stride, directions, weights, channels, count, add, out,
+                    out_stride, next);
+}
+
+VOLILLUM_DISPATCH void multiply_add(const Real *values, const Real *weights, int count,
                                     Real *sums) {
     const Real *__restrict p = values;
     const Real *__restrict w = weights;
     Real *__restrict sum = sums;
-    for (int i = 0; i < lanes; ++i) sum[i] += w[i] * p[i];
-}
-
-VOLILLUM_DISPATCH void emit_row(const Real *sums, int count, bool add, Real *out) {
-    const Real *__restrict from = sums;
-    Real *__restrict to = out;
-    if (add)
-        for (int i = 0; i < count; ++i) to[i] += from[i];
-    else
-        for (int i = 0; i < count; ++i) to[i] = from[i];
+    for (int i = 0; i < count; ++i) sum[i] += w[i] * p[i];
 }
 
 VOLILLUM_DISPATCH void transpose(const Real *source, int rows, int columns, Real *target) {
     using Four [[gnu::vector_size(4 * sizeof(Real))]] = Real;
-    constexpr int side = 32;  // source and target blocks stay in the first-level cache
+    constexpr int side = 16;  // one cache line; more rows of 2^n values would evict each other
     for (int r0 = 0; r0 < rows; r0 += side)
         for (int c0 = 0; c0 < columns; c0 += side) {
             const int r1 = std::min(r0 + side, rows), c1 = std::min(c0 + side, columns);

@@ -15,6 +15,17 @@ struct Range {
 };
 struct Box {
     Range slices, rows, columns;
+
+    // Calls visit(t, b) for every slice and row, in the order of memory.
+    template <class Visit>
+    void for_rows(const Frame &frame, Visit &&visit) const {
+        if (frame.rows_are_inner())
+            for (int t = slices.begin; t < slices.end; ++t)
+                for (int b = rows.begin; b < rows.end; ++b) visit(t, b);
+        else
+            for (int b = rows.begin; b < rows.end; ++b)
+                for (int t = slices.begin; t < slices.end; ++t) visit(t, b);
+    }
 };
 
 // A zero-padded copy of sigma_t over a box of a frame (which may reach out of the grid). It makes
@@ -56,10 +67,20 @@ struct RaySums {
     }
 };
 
+// How the lattice rays of a tile sample a slice: four weights, constant per slice.
+struct Bilinear {
+    Bilinear(const Block &block, int t, const Crossing &crossing, int row, int column);
+    const Real *upper;     // at the first lattice row and column
+    std::ptrdiff_t pitch;  // from row to row
+    Real w00, w01, w10, w11;
+};
+
 struct Scratch {
-    Reals depth_above, depth_here, row;
+    Reals depth_above, depth_here;
+    std::vector<Crossing> crossings;
+    std::vector<Bilinear> samplers, tails;
     std::vector<std::ptrdiff_t> offsets;
-    Reals coefficients;
+    std::vector<Real> coefficients;
 };
 
 // Marches one direction through a tile: adds the samples of each slice to the sums and writes the
@@ -78,20 +99,20 @@ struct March {
 void march(const March &m);
 
 // Copies, clipped to `largest`; returns whether any number differs from 0.
-bool copy_row(const Real *source, int count, Real largest, Real *target);
+// Rows are short for the hardware's prefetching: the row at source + next is fetched ahead.
+bool copy_row(const Real *source, int count, Real largest, std::ptrdiff_t next, Real *target);
 
-// sums[channel * lanes + i] = sum_d weights[d * kChannelGroup + channel] values[d * value_stride +
-// i] for `lanes` numbers (a whole number of lanes). Channels are summed in groups, so that a value
-// is loaded once for several; a group that is not full has weights of 0.
+// out[channel * out_stride + i] = sum_d weights[d * kChannelGroup + channel] values[d *
+// value_stride
+// + i], or += it, for i < count. Channels are summed in groups, so that a value is loaded once for
+// several; a group that is not full has weights of 0. Values are padded to whole lanes.
 constexpr int kChannelGroup = 4;
-void weigh(const Real *values, std::size_t value_stride, int directions, const Real *weights,
-           int channels, int lanes, Real *sums);
+void weigh_row(const Real *values, std::size_t value_stride, int directions, const Real *weights,
+               int channels, int count, bool add, Real *out, std::ptrdiff_t out_stride,
+               std::ptrdiff_t next);
 
 // sums[i] += weights[i] values[i]
-void multiply_add(const Real *values, const Real *weights, int lanes, Real *sums);
-
-// out[i] = sums[i] or out[i] += sums[i]
-void emit_row(const Real *sums, int count, bool add, Real *out);
+void multiply_add(const Real *values, const Real *weights, int count, Real *sums);
 
 // target[c, r] = source[r, c], both contiguous.
 void transpose(const Real *source, int rows, int columns, Real *target);

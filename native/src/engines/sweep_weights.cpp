@@ -7,15 +7,24 @@ bool ConstantWeights::any(int direction, const Frame &, const Box &) const {
     return std::any_of(row, row + channels_, [](Real weight) { return weight != 0; });
 }
 
-void ConstantWeights::sum(const Batch &batch, int t, int b, int first_channel, int channels,
-                          Reals &scratch, Real *sums) const {
-    scratch.assign(batch.directions.size() * kChannelGroup, 0);
-    for (std::size_t d = 0; d < batch.directions.size(); ++d)
-        for (int channel = 0; channel < channels; ++channel)
-            scratch[d * kChannelGroup + std::size_t(channel)] =
-                weights_[std::ptrdiff_t(batch.directions[d]) * channels_ + first_channel + channel];
-    weigh(batch.row(t, b), batch.direction_stride, int(batch.directions.size()), scratch.data(),
-          channels, batch.lanes, sums);
+void ConstantWeights::sum(const Batch &batch, bool add, Reals &scratch, Real *out,
+                          std::ptrdiff_t out_stride) const {
+    const std::size_t directions = batch.directions.size();
+    for (int first = 0; first < channels_; first += kChannelGroup) {
+        const int channels = std::min(kChannelGroup, channels_ - first);
+        scratch.assign(directions * kChannelGroup, 0);
+        for (std::size_t d = 0; d < directions; ++d)
+            for (int channel = 0; channel < channels; ++channel)
+                scratch[d * kChannelGroup + std::size_t(channel)] =
+                    weights_[std::ptrdiff_t(batch.directions[d]) * channels_ + first + channel];
+        batch.tile.for_rows(batch.frame, [&](int t, int b) {
+            weigh_row(
+                batch.row(t, b), batch.direction_stride, int(directions), scratch.data(), channels,
+                batch.tile.columns.size(), add,
+                out + first * out_stride + batch.frame.element(t, b, batch.tile.columns.begin),
+                out_stride, batch.frame.inner_stride());
+        });
+    }
 }
 
 LatticeWeights::LatticeWeights(const Real *weights, const Index3 &shape, int spacing)
@@ -46,8 +55,24 @@ bool LatticeWeights::any(int direction, const Frame &frame, const Box &box) cons
     return false;
 }
 
-void LatticeWeights::sum(const Batch &batch, int t, int b, int, int, Reals &scratch,
-                         Real *sums) const {
+void LatticeWeights::sum(const Batch &batch, bool add, Reals &scratch, Real *out,
+                         std::ptrdiff_t) const {
+    scratch.assign(2 * std::size_t(batch.lanes), 0);
+    Real *sums = scratch.data(), *row_weights = sums + batch.lanes;
+    batch.tile.for_rows(batch.frame, [&](int t, int b) {
+        Real *row = out + batch.frame.element(t, b, batch.tile.columns.begin);
+        const int count = batch.tile.columns.size();
+        if (add)
+            std::copy(row, row + count, sums);
+        else
+            std::fill(sums, sums + count, Real(0));
+        sum_row(batch, t, b, row_weights, sums);
+        std::copy(sums, sums + count, row);
+    });
+}
+
+void LatticeWeights::sum_row(const Batch &batch, int t, int b, Real *row_weights,
+                             Real *sums) const {
     const Frame &frame = batch.frame;
     const Range &columns = batch.tile.columns;
     // The nodes on both sides of an index along an axis, and the fraction between them.
@@ -65,8 +90,6 @@ void LatticeWeights::sum(const Batch &batch, int t, int b, int, int, Reals &scra
     const Real w00 = (1 - along.fraction) * (1 - row.fraction);
     const Real w01 = (1 - along.fraction) * row.fraction;
     const Real w10 = along.fraction * (1 - row.fraction), w11 = along.fraction * row.fraction;
-    scratch.assign(std::size_t(batch.lanes), 0);
-    std::fill(sums, sums + batch.lanes, Real(0));
     for (std::size_t d = 0; d < batch.directions.size(); ++d) {
         const Real *nodes = weights_ + batch.directions[d] * direction_stride_;
         const auto node_weight = [&](std::ptrdiff_t column) {
@@ -82,9 +105,9 @@ void LatticeWeights::sum(const Batch &batch, int t, int b, int, int, Reals &scra
             const Real slope = (node_weight(column.upper) - first) / Real(spacing_);
             const int interval = c / spacing_ * spacing_;
             for (; c < end; ++c)
-                scratch[std::size_t(c - columns.begin)] = first + slope * Real(c - interval);
+                row_weights[c - columns.begin] = first + slope * Real(c - interval);
         }
-        multiply_add(batch.row(t, b) + d * batch.direction_stride, scratch.data(), batch.lanes,
+        multiply_add(batch.row(t, b) + d * batch.direction_stride, row_weights, columns.size(),
                      sums);
     }
 }

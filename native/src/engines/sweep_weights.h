@@ -27,10 +27,10 @@ public:
     virtual int channels() const = 0;
     // Whether a direction counts for any voxel of a box of a frame.
     virtual bool any(int direction, const Frame &frame, const Box &box) const = 0;
-    // sums[channel * batch.lanes + c]: the weighted sum at slice t and row b of up to kChannelGroup
-    // channels from `first_channel` on.
-    virtual void sum(const Batch &batch, int t, int b, int first_channel, int channels,
-                     Reals &scratch, Real *sums) const = 0;
+    // Adds a batch's weighted sums to the output, [channels] volumes of `out_stride` numbers in the
+    // layout of the batch's frame; `add` is false where nothing has been written yet.
+    virtual void sum(const Batch &batch, bool add, Reals &scratch, Real *out,
+                     std::ptrdiff_t out_stride) const = 0;
 };
 
 // The same weights [d, c] at every voxel.
@@ -39,8 +39,8 @@ public:
     ConstantWeights(const Real *weights, int channels) : weights_(weights), channels_(channels) {}
     int channels() const override { return channels_; }
     bool any(int direction, const Frame &, const Box &) const override;
-    void sum(const Batch &batch, int t, int b, int first_channel, int channels, Reals &scratch,
-             Real *sums) const override;
+    void sum(const Batch &batch, bool add, Reals &scratch, Real *out,
+             std::ptrdiff_t out_stride) const override;
 
 private:
     const Real *weights_;
@@ -53,10 +53,11 @@ public:
     LatticeWeights(const Real *weights, const Index3 &shape, int spacing);
     int channels() const override { return 1; }
     bool any(int direction, const Frame &frame, const Box &box) const override;
-    void sum(const Batch &batch, int t, int b, int first_channel, int channels, Reals &scratch,
-             Real *sums) const override;
+    void sum(const Batch &batch, bool add, Reals &scratch, Real *out,
+             std::ptrdiff_t out_stride) const override;
 
 private:
+    void sum_row(const Batch &batch, int t, int b, Real *row_weights, Real *sums) const;
     const Real *weights_;
     int spacing_;
     Index3 nodes_;
