@@ -16,7 +16,7 @@ from ..core.grid import Grid
 from .scene_presets import Axis, ScenePreset
 
 # Voxels below this share of the largest value are haze that the camera need not frame.
-HAZE = 0.02
+HAZE = 0.002
 # Clip planes this many volume sizes in front of and behind the framed distance.
 CLIP = 10.0
 
