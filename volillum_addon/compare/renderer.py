@@ -34,7 +34,7 @@ class Renderer(Protocol):
         """What is rendered, as the models see it; it has a camera."""
 
     def reference(self, bounces: int, samples: int, seed: int) -> Pixels:
-        """Unbiased scattering up to `bounces` volume bounces (0: single scattering)."""
+        """Scattering up to `bounces` volume bounces (0: single scattering), no background."""
 
     def display(self, baked: Path, samples: int, seed: int) -> Pixels:
         """The baked illumination through the display material."""
