@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from volillum_addon.bake.cold import child_environment
 from volillum_addon.core.camera import Camera
 from volillum_addon.core.control import Control
 from volillum_addon.core.grid import Grid
@@ -32,6 +34,11 @@ TRANSFORMS = {
         [[0, 0.2, 0, -1.0], [0.1, 0, 0.05, 2.0], [0, 0.03, 0.3, 3.0], [0, 0, 0, 1]]
     ),
 }
+
+
+def import_paths() -> list[str]:
+    """sys.path for a child process: without what an imported bpy has added to this one's."""
+    return child_environment()["PYTHONPATH"].split(os.pathsep)
 
 
 @pytest.fixture(params=TRANSFORMS)

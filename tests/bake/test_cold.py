@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bake.conftest import random_values
+from bake.conftest import import_paths, random_values
 
 from volillum_addon.bake import cold, run, vdb
 from volillum_addon.bake.scene_file import write_scene
@@ -88,7 +88,7 @@ def test_the_child_ends_with_its_parent(scene: Scene, tmp_path: Path) -> None:
     write_scene(large(scene), tmp_path / "scene.npz")
     code = f"""
 import os, subprocess, sys, threading, time
-sys.path[:0] = {sys.path!r}
+sys.path[:0] = {import_paths()!r}
 from volillum_addon.bake import cold
 from volillum_addon.bake.scene_file import read_scene
 from volillum_addon.core.control import Control
@@ -166,7 +166,7 @@ few = {{"directions": 4}}
 assert "volillum_addon" not in sys.modules
 assert timing.bake > 0
 """
-    paths = [path for path in sys.path if not (Path(path) / package.name).exists()]
+    paths = [path for path in import_paths() if not (Path(path) / package.name).exists()]
     done = subprocess.run(
         [sys.executable, "-P", "-c", code],
         capture_output=True, text=True, timeout=100, check=False,

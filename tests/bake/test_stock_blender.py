@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from bake.conftest import TRANSFORMS, blob, volume
 
+from volillum_addon.bake.cold import child_environment
 from volillum_addon.bake.vdb import write_vdb
 from volillum_addon.core.medium import Medium
 
@@ -39,7 +39,7 @@ def test_blender_reads_names_types_and_places(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-c", READER, str(tmp_path)],
         capture_output=True, text=True, timeout=100, check=False,
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+        env=child_environment(),
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     line = next(line for line in done.stdout.splitlines() if line.startswith("found "))
@@ -71,6 +71,6 @@ def test_openvdb_is_found_without_importing_bpy() -> None:
     )
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=100, check=False,
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+        env=child_environment(),
     )  # fmt: skip
     assert done.returncode == 0, done.stderr

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bake.conftest import random_values, volume
+from bake.conftest import import_paths, random_values, volume
 
 from volillum_addon.bake import store, vdb
 from volillum_addon.core.errors import InputError
@@ -26,7 +26,7 @@ KILLER = """
 import os, random, signal, sys, time
 from pathlib import Path
 sys.path[:0] = {path!r}
-from bake.conftest import random_values, volume
+from bake.conftest import import_paths, random_values, volume
 from volillum_addon.bake import layout, store, vdb
 from volillum_addon.core.grid import Grid
 from volillum_addon.core.medium import Medium
@@ -59,7 +59,7 @@ def small_volume(side: int = 30) -> vdb.IlluminationVolume:
 
 
 def test_a_killed_writer_leaves_no_partial_file(tmp_path: Path) -> None:
-    code = KILLER.format(path=sys.path, folder=str(tmp_path), kills=KILLS)
+    code = KILLER.format(path=import_paths(), folder=str(tmp_path), kills=KILLS)
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=100, check=False
     )
@@ -82,7 +82,7 @@ def test_only_abandoned_temporaries_are_removed(tmp_path: Path) -> None:
     foreign.write_text("mine")
     holder = f"""
 import sys
-sys.path[:0] = {sys.path!r}
+sys.path[:0] = {import_paths()!r}
 from pathlib import Path
 from volillum_addon.bake import store
 with store.replacing(Path({str(tmp_path / "other.vdb")!r})) as temporary:
