@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 from .errors import bad
 from .native import native
 
-# Successive rings of a cone rule are turned by the golden ratio of their step, so that no edge of
-# an occluder meets directions of several rings at once (measured on a knife edge:
-# docs/mathematics.md).
+# Successive rings of a cone rule are turned by the golden ratio of their step, so that an edge does
+# not meet aligned directions of all rings. It matters little: RMS error on knife edges of all
+# azimuths, theta = 30 degrees, 16 / 64 / 256 directions: 0.035 / 0.014 / 0.0047, against
+# 0.035 / 0.014 / 0.0051 without.
 GOLDEN = (math.sqrt(5) - 1) / 2
-# Sub-directions of a cone when it is spread over the directions of an AngularLattice: 8 x 32 keep
-# the spread's own error below 1e-3 of the weights, far below that of the lattice's spacing.
+# Sub-directions of a cone when it is spread over the directions of an AngularLattice: 8 x 32
+# change the weights by 0.5 % RMS against 64 x 256, at random from direction to direction, so that
+# sums over a cone's directions change by far less.
 SPREAD_RINGS, SPREAD_PER_RING = 8, 32
 
 

@@ -19,7 +19,7 @@ def line_integral(
     subpixels: int = 4,
     control: Control | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Radiance [h, w, 3] and transmittance [h, w, 1 or 3], without background, top row first.
+    """Radiance [h, w, 3] and transmittance [h, w, 3], without background, top row first.
 
     What the display material shows, integrated to quadrature precision: averages of
     `subpixels` x `subpixels` rays a pixel.

@@ -24,7 +24,7 @@ from ..core.scene import Scene
 
 @dataclass(frozen=True)
 class Operator:
-    """The terms of a model's equation (docs/mathematics.md has them for all models).
+    """The terms of a model's equation (docs/mathematics.md has the equations).
 
     `lobe` and `axis` say over which outward directions light is gathered, `source` what arrives
     from there, `radius` how far occluders count (world units), `order` how many scatterings,
