@@ -26,18 +26,41 @@ from ..core.scene import Scene
 class Operator:
     """The terms of a model's equation (docs/mathematics.md has the equations).
 
-    `lobe` and `axis` say over which outward directions light is gathered, `source` what arrives
-    from there, `radius` how far occluders count (world units), `order` how many scatterings,
-    `image_emission` whether the medium's own emission enters the image, `basis` whether the
-    source is reduced to spherical harmonics of an order, with a window.
+    lobe, axis, theta, beta   over which outward directions light is gathered: the sphere, the
+                     half space about the axis, a cone of half angle theta, a cone with the weight
+                     cos^beta, or the medium's phase function
+    source           what arrives from outside: one constant (the sum of F / (4 pi)), each light
+                     spread over the lobe about it, the radiance of distant light, or every light
+                     as it is
+    radius           how far the medium counts, world units
+    law              "exp": attenuation exp(-od). "linear": 1 - od_w, the first order of Taylor's
+                     series with the distance weight below, medium on the way not attenuated.
+                     "bounded": the same of opacities 1 - exp(-sigma_t reference_length)
+    weight_p         the medium at distance s counts as s^(2 - p) along the ray (2: physical)
+    order            how many scatterings: 1, or math.inf
+    rescatter        the directions of further scatterings: the same lobe, or the phase function
+    gathers_emission whether sigma_a L_e on the way is gathered
+    gathers_colour   share of the medium's own scattered colour on the way that is gathered
+    split            "luminance": brightness from the axis alone, colour from the lobe
+    image_emission   whether the medium's own emission enters the image
+    basis            whether the source is cut to spherical harmonics: an order and a window
+    clamped          whether in-scattered radiance below 0 is displayed as 0
     """
 
-    lobe: Literal["sphere", "cone"]
-    axis: Literal["none", "light", "view"]
-    source: Literal["constant", "light", "environment"]
+    lobe: Literal["sphere", "hemisphere", "cone", "phong", "phase"]
+    axis: Literal["none", "light", "view", "gradient"]
+    source: Literal["constant", "light", "environment", "lights"]
     theta: float = math.pi
+    beta: float = 0.0
     radius: float = math.inf
-    order: int = 1
+    law: Literal["exp", "linear", "bounded"] = "exp"
+    weight_p: float = 2.0
+    reference_length: float = 0.0
+    order: float = 1
+    rescatter: Literal["none", "lobe", "phase"] = "none"
+    gathers_emission: bool = False
+    gathers_colour: float = 0.0
+    split: Literal["none", "luminance"] = "none"
     image_emission: bool = False
     basis: tuple[int, str] | None = None
     clamped: bool = False
