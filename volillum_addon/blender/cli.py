@@ -16,7 +16,7 @@ from .. import __version__
 from ..core.control import Cancelled
 from ..models.registry import MODELS
 from . import scene_presets
-from .describe import as_json, as_text
+from .describe import as_json, as_markdown, as_text
 from .failures import EXPECTED, one_line
 
 DONE, FAILED, WRONG_USAGE, CANCELLED = 0, 1, 2, 130
@@ -63,7 +63,9 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _add_models(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--json", action="store_true", help="as JSON, for programs")
+    form = command.add_mutually_exclusive_group()
+    form.add_argument("--json", action="store_true", help="as JSON, for programs")
+    form.add_argument("--markdown", action="store_true", help="the terms of all, side by side")
     command.set_defaults(run=_models)
 
 
@@ -177,6 +179,8 @@ def _whole(text: str) -> int:
 def _models(options: argparse.Namespace) -> None:
     if options.json:
         print(json.dumps([as_json(model) for model in MODELS.values()], indent=2, allow_nan=False))
+    elif options.markdown:
+        print(as_markdown(tuple(MODELS.values())))
     else:
         print("\n\n".join(as_text(model) for model in MODELS.values()))
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from ..models.model import Model, Parameter, Value
+from ..models.terms import FULL, Term, terms
 
 
 def as_json(model: Model) -> dict[str, Any]:
@@ -23,6 +25,10 @@ def as_json(model: Model) -> dict[str, Any]:
         ],
         "lights": sorted(model.lights),
         "rebake_on": sorted(model.rebake_on),
+        "terms": [
+            {"term": term.name, "here": term.here, "consequence": term.consequence}
+            for term in _terms(model)
+        ],
     }
 
 
@@ -34,7 +40,41 @@ def as_text(model: Model) -> str:
         lines.append(f"    {each.name} = {_shown(each.default)}  ({domain})  {each.description}")
     for need in model.needs:
         lines.append(f"  {need.treatment} {need.feature}: {need.reason}")
+    for term in _terms(model):
+        if term.differs:
+            lines.append(f"  {term.name} is {term.here}: {term.consequence}")
     return "\n".join(lines)
+
+
+def as_markdown(models: Sequence[Model]) -> str:
+    """The paper's comparison: what stands in each model's equation beside the full one's, and what
+    follows where it differs."""
+    columns = [terms(FULL), *(_terms(model) for model in models)]
+    head = ["term", "full equation", *(model.label for model in models)]
+    rows = [
+        [column[0].name, *(_cell(term) for term in column)] for column in zip(*columns, strict=True)
+    ]
+    lines = [_row(head), _row(["---"] * len(head)), *map(_row, rows)]
+    for model in models:
+        lines += ["", f"**{model.label}** (Eq. {model.equation})", ""]
+        lines += [
+            f"* {term.name}: {term.here}. {term.consequence[0].upper()}{term.consequence[1:]}."
+            for term in _terms(model)
+            if term.differs
+        ]
+    return "\n".join(lines)
+
+
+def _terms(model: Model) -> tuple[Term, ...]:
+    return terms(model.operator(model.values({})))
+
+
+def _cell(term: Term) -> str:
+    return f"**{term.here}**" if term.differs else term.here
+
+
+def _row(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(cells) + " |"
 
 
 def _parameter(parameter: Parameter) -> dict[str, Any]:
