@@ -9,12 +9,13 @@ PROJECT := .venv/.project
 NATIVE_SOURCES := $(shell find native -mindepth 1 -name build -prune -o -name __pycache__ -prune -o -print)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup native test demo bench mutations extension lint format lock clean
+.PHONY: help setup native test demo bench accuracy mutations extension lint format lock clean
 
 help:
 	@echo "make test       run the tests"
 	@echo "make demo       compare every model on a real volume; see build/demo/report.html"
 	@echo "make bench      time the kernels"
+	@echo "make accuracy   measure every model's numerical error on real volumes: docs/accuracy.md"
 	@echo "make mutations  plant known faults and check that the tests notice"
 	@echo "make extension  build the Blender extension, dist/*.zip"
 	@echo "make lint       check style, types and formatting"
@@ -50,6 +51,9 @@ demo: setup
 
 bench: setup
 	@for script in tests/benchmarks/bench_*.py; do $(PYTHON_RUN) $$script $(ARGS) || exit 1; done
+
+accuracy: setup
+	@$(PYTHON_RUN) tests/benchmarks/accuracy.py -o docs/accuracy.md $(ARGS)
 
 mutations: setup
 	@$(PYTHON_RUN) tests/mutations/run.py $(ARGS)

@@ -29,7 +29,7 @@ from ..core.scene import Scene
 from .engines import channels_of, sweep
 from .model import Model, Need, Values
 from .operator import Operator, brightness
-from .settings import CONE_DIRECTIONS, NEAR_SLICES, cone_theta
+from .settings import CONE_DIRECTIONS, CONE_LADDER, NEAR_SLICES, cone_theta
 from .volume import Factor, RadianceTerm
 
 # The weights of a perspective cone are interpolated between nodes whose axes differ by at most this
@@ -126,4 +126,5 @@ MODEL = Model(
     operator=operator,
     solve=solve,
     radiance=radiance,
+    ladder=CONE_LADDER,
 )

@@ -61,6 +61,7 @@ class Model:
     `operator(values)` is its equation as data; `solve(scene, values, control)` computes the
     channels, grids on the scene's (trimmed) lattice; `radiance(lights, medium, values)` says how
     the channels become in-scattered radiance for given lights.
+    `ladder` holds settings from fast to accurate, for measurements of error against time.
     `lights` are the kinds of light that it represents; `rebake_on` the scene's parts whose change
     makes its channels stale.
     """
@@ -77,6 +78,7 @@ class Model:
     operator: Callable[[Values], Operator]
     solve: Callable[[Scene, Values, Control], dict[str, Grid]]
     radiance: Callable[[tuple[Light, ...], Medium, Values], tuple[RadianceTerm, ...]]
+    ladder: tuple[Values, ...] = ()
 
     def values(self, given: Mapping[str, object]) -> dict[str, Value]:
         """All parameters with `given` applied; refuses unknown names and values out of range."""

@@ -23,7 +23,7 @@ from ..core.scene import Scene
 from .engines import channels_of, sweep
 from .model import Model, Need, Values
 from .operator import Operator
-from .settings import CONE_DIRECTIONS, NEAR_SLICES, cone_theta
+from .settings import CONE_DIRECTIONS, CONE_LADDER, NEAR_SLICES, cone_theta
 from .volume import Factor, RadianceTerm
 
 
@@ -78,4 +78,5 @@ MODEL = Model(
     operator=operator,
     solve=solve,
     radiance=radiance,
+    ladder=CONE_LADDER,
 )

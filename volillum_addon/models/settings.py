@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from .model import Parameter
+from .model import Parameter, Values
 
 CONE_DIRECTIONS = Parameter(
     "directions",
@@ -20,6 +20,14 @@ NEAR_SLICES = Parameter(
     0,
     64,
     "slices",
+)
+
+# Settings of a cone's models from fast to accurate.
+CONE_LADDER: tuple[Values, ...] = (
+    {"directions": 16, "near": 0},
+    {"directions": 16, "near": 2},
+    {"directions": 64, "near": 4},
+    {"directions": 256, "near": 8},
 )
 
 

@@ -128,4 +128,10 @@ MODEL = Model(
     operator=operator,
     solve=solve,
     radiance=radiance,
+    ladder=(
+        {"directions": 32, "near": 0},
+        {"directions": 64, "near": 2},
+        {"directions": 128, "near": 4},
+        {"directions": 512, "near": 6},
+    ),
 )
