@@ -77,11 +77,8 @@ def main() -> None:
     options = parser.parse_args()
     models = [MODELS[each] for each in options.models.split(",")]
     names = options.volumes.split(",")
-    lines = [
-        HEAD.format(voxels=options.voxels),
-        row("model", *names),
-        row(*["---"] * (len(names) + 1)),
-    ]
+    rule = row(*["---"] * (len(names) + 1))
+    lines = [HEAD.format(voxels=options.voxels), row("model", *names), rule]
 
     def add(label: str, model: Model, given: Mapping[str, Value]) -> None:
         cells = [

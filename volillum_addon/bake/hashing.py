@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import fields
 from hashlib import blake2b
 
 import numpy as np
@@ -52,13 +53,32 @@ def combined(digests: Mapping[str, str] | Iterable[str]) -> str:
 
 
 def _light_directions(scene: Scene, model: Model) -> str:
-    """Kinds and directions of the lights that the model represents, in order."""
+    """Kinds, directions and positions of the lights that the model represents, in order."""
     digest = blake2b(digest_size=DIGEST_BYTES)
     for light in model.represented(scene):
         digest.update(light.kind.encode() + b"\0")
         if hasattr(light, "direction"):
             digest.update(_direction(light.direction))
+        if hasattr(light, "position"):
+            digest.update(_bytes(light.position))
     return digest.hexdigest()
+
+
+def _lights(scene: Scene, model: Model) -> str:
+    """Everything of the lights that the model represents, in order."""
+    digest = blake2b(digest_size=DIGEST_BYTES)
+    for light in model.represented(scene):
+        digest.update(light.kind.encode() + b"\0")
+        for field in fields(light):
+            value = getattr(light, field.name)
+            digest.update(field.name.encode() + b"\0")
+            digest.update(value.encode() if isinstance(value, str) else _numbers(value))
+    return digest.hexdigest()
+
+
+def _phase(scene: Scene, model: Model) -> str:
+    """The phase function of the medium."""
+    return _digest(_bytes(scene.medium.g))
 
 
 def _camera(scene: Scene, model: Model) -> str:
@@ -72,6 +92,8 @@ def _camera(scene: Scene, model: Model) -> str:
 # What a model may name in `rebake_on` beside the medium's grids.
 PARTS: dict[str, Callable[[Scene, Model], str]] = {
     "light direction": _light_directions,
+    "light": _lights,
+    "phase function": _phase,
     "camera": _camera,
 }
 
@@ -86,6 +108,11 @@ def _grid(grid: Grid) -> str:
 
 def _direction(vector: ArrayLike) -> bytes:
     return _bytes(np.round(np.asarray(vector, np.float64), DIRECTION_DECIMALS))
+
+
+def _numbers(value: ArrayLike | None) -> bytes:
+    """A number or an array with its shape; None counts as none at all."""
+    return b"none" if value is None else _bytes(np.shape(value)) + _bytes(value)
 
 
 def _bytes(numbers: ArrayLike) -> bytes:
