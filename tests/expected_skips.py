@@ -14,6 +14,7 @@ EXPECTED = {
     "x86-64 Linux": "run-time dispatch is compiled for x86-64 Linux only",
     "git checkout": "the sources are no git checkout, so that what belongs to them is not known",
     "browser": "there is no Chromium to look at the report with",
+    "two processors": "this machine gives the tests one processor only",
     "third-party data": "VOLILLUM_DATA names no folder that holds the third-party volumes",
 }
 PREFIX = "expected skip, "

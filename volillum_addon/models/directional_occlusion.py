@@ -64,7 +64,9 @@ def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
                     plane, sigma_t.index_to_world, lattice, field, spacing,
                     near_slices=near, control=control.native)
             )  # fmt: skip
-    return {"visibility": channels_of(sigma_t, np.stack(per_channel), "visibility")}
+    # Cubic weights have negative lobes: at edges they may leave a visibility's range by 1e-3.
+    planes = np.clip(np.stack(per_channel), 0, 1)
+    return {"visibility": channels_of(sigma_t, planes, "visibility")}
 
 
 def perspective_weights(
