@@ -16,6 +16,7 @@ from volillum_addon.bake.openvdb_module import openvdb
 from volillum_addon.core.errors import InputError
 from volillum_addon.core.grid import Grid
 from volillum_addon.core.medium import Medium
+from volillum_addon.models.angular import Moment, Phase
 from volillum_addon.models.registry import MODELS
 from volillum_addon.models.volume import IlluminationVolume
 
@@ -92,6 +93,21 @@ def media(transform: np.ndarray) -> dict[str, Medium]:
 def test_volume_round_trip(kind: str, transform: np.ndarray, tmp_path: Path) -> None:
     given = volume(media(transform)[kind])
     assert_same(round_trip(given, tmp_path), given)
+
+
+def test_terms_that_depend_on_the_view_round_trip(tmp_path: Path) -> None:
+    given = volume(Medium.from_density(blob(), 2.0, 0.9))
+    dependences = (
+        Phase(0.3, direction=(0.48, -0.6, 0.64)),
+        Phase(-0.7, position=(1 / 3, 2e-30, -1e30)),
+        Moment(7),
+        None,
+    )
+    terms = tuple(replace(given.radiance[0], angular=angular) for angular in dependences)
+    given = given.with_radiance(terms)
+    read = round_trip(given, tmp_path)
+    assert_same(read, given)
+    assert [term.angular for term in read.radiance] == list(dependences)
 
 
 @pytest.mark.parametrize("kind", media(np.eye(4)))

@@ -29,7 +29,14 @@ from volillum_addon.bake.run import bake_file
 from volillum_addon.bake.vdb import read_vdb, write_vdb
 from volillum_addon.blender.cycles import CyclesRenderer
 from volillum_addon.blender.display import add_volume, display_material, show_bake
-from volillum_addon.blender.render import add_camera, clip_range, render_image, set_cycles
+from volillum_addon.blender.render import (
+    add_camera,
+    clip_range,
+    depth_range,
+    render_image,
+    set_cycles,
+    set_eevee,
+)
 from volillum_addon.blender.sandbox import sandbox
 from volillum_addon.core import harmonics
 from volillum_addon.core.camera import Camera
@@ -38,6 +45,7 @@ from volillum_addon.core.grid import Grid
 from volillum_addon.core.lights import DistantLight, EnvironmentLight, Light
 from volillum_addon.core.medium import Medium
 from volillum_addon.core.scene import Scene
+from volillum_addon.models.angular import Angular, Moment, Phase
 from volillum_addon.models.illuminate import relight
 from volillum_addon.models.image import line_integral
 from volillum_addon.models.registry import MODELS, get
@@ -193,10 +201,48 @@ def test_products_of_channels(tmp_path: Path) -> None:
     assert np.abs(with_nodes[0] - with_nodes[1]).mean() < 0.01 * with_nodes[1].mean()
 
 
+ANGULAR: dict[str, tuple[Angular, ...]] = {
+    "distant": (Phase(0.7, direction=(1, -1, 1)), Phase(-0.4, direction=(0.3, 0.2, -1))),
+    "local": (Phase(0.6, position=(0.9, 0.4, 0.8)), Phase(-0.5, position=(-2.0, 1.0, 0.0))),
+    "moments": tuple(Moment(index) for index in range(9)),
+}
+
+
+def seen(kind: str) -> IlluminationVolume:
+    """A smooth volume whose radiance depends on where the eye is."""
+    medium = smooth()
+    where = coordinates(medium.sigma_t)
+    terms = ANGULAR[kind]
+    channels, radiance = {}, []
+    for index, angular in enumerate(terms):
+        values = (2 if index == 0 else 0.5) + 0.5 * np.cos(where[..., (index + 1) % 3] + index)
+        name = f"channel_{index}"
+        channels[name] = medium.sigma_t.with_values(values.astype(np.float32), name)
+        weight = np.roll((1.0, 0.6, 0.3), index)
+        radiance.append(RadianceTerm((Factor(name),), (weight[0], weight[1], weight[2]), angular))
+    return IlluminationVolume("spherical_harmonics", {}, medium, channels, tuple(radiance))
+
+
+@pytest.mark.parametrize("eevee", [False, True])
+@pytest.mark.parametrize("kind", ANGULAR)
+def test_radiance_that_depends_on_the_view(kind: str, eevee: bool, tmp_path: Path) -> None:
+    volume = seen(kind)
+    camera = perspective(2.0, 0.9)
+    image, wanted = display_and_integral(volume, camera, tmp_path, eevee)
+    inside = wanted.mean(-1) > 0.05 * wanted.max()
+    error, mean = (image - wanted)[inside], wanted[inside].mean()
+    assert abs(error.mean()) < (0.01 if eevee else 0.002) * mean
+    assert np.sqrt((error**2).mean()) < (0.02 if eevee else 0.01) * mean
+    # Without the dependence the image is another one: the test sees it.
+    bare = tuple(replace(term, angular=None) for term in volume.radiance)
+    plain, _ = line_integral(volume.with_radiance(bare), camera, SIZE, SIZE)
+    assert np.abs(plain - wanted)[inside].mean() > 0.1 * mean
+
+
 def display_and_integral(
-    volume: IlluminationVolume, camera: Camera, folder: Path
+    volume: IlluminationVolume, camera: Camera, folder: Path, eevee: bool = False
 ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-    """Cycles' image by the volume's own radiance terms, and the line integral."""
+    """Cycles' or EEVEE's image by the volume's own radiance terms, and the line integral."""
     with sandbox() as (scene, own):
         path = folder / "product.vdb"
         write_vdb(volume, path)
@@ -204,6 +250,8 @@ def display_and_integral(
         add_camera(scene, camera, clip_range(camera, volume.medium.sigma_t.corners()))
         set_cycles(scene, 1, 0)
         scene.cycles.volume_biased = True
+        if eevee:
+            set_eevee(scene, depth_range(camera, volume.medium.sigma_t.corners()))
         image = render_image(scene, SIZE, SIZE, own)[..., :3]
     return image, line_integral(volume, camera, SIZE, SIZE)[0]
 

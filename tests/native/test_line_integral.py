@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 import threading
 import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 import trilinear
 from numpy.typing import NDArray
+from scipy.special import sph_harm_y
 from trilinear import Array
 
 import volillum_native as native
@@ -29,8 +31,12 @@ def march(
     terms: list[tuple[tuple[int, ...], Array]],
     clamp: bool,
     halvings: int,
+    angular: Callable[[int, Array, Array], Array] | None = None,
 ) -> tuple[Array, Array]:
-    """The definition, ray by ray: cells cut in 2^halvings parts of 4 nodes, depth to each exact."""
+    """The definition, ray by ray: cells cut in 2^halvings parts of 4 nodes, depth to each exact.
+
+    `angular(term, v, points)` is a term's factor at world points for the direction toward the eye.
+    """
     radiance, through = np.zeros((HEIGHT, WIDTH, 3)), np.zeros((HEIGHT, WIDTH, 3))
     fields = [np.broadcast_to(sigma_t, (3, *sigma_t.shape[1:]))]
     fields.append(np.broadcast_to(sigma_s, fields[0].shape))
@@ -45,8 +51,10 @@ def march(
         starts, t, weight = ray.nodes(4, halvings)
         values = trilinear.interpolate(stack, ray.at(t))
         light = np.zeros((3, *t.shape))
-        for factors, rgb in terms:
+        for number, (factors, rgb) in enumerate(terms):
             product = np.prod([values[9 + factor] for factor in factors], axis=0)
+            if angular is not None:
+                product = product * angular(number, -direction, origin + t[..., None] * direction)
             light += np.asarray(rgb)[:, None, None] * product
         if clamp:
             light = np.maximum(light, 0)
@@ -101,6 +109,75 @@ def test_against_brute_force(
     np.testing.assert_allclose(through, expected_through, rtol=1e-10)
     # The promise of 1e-5. Brute force at a kink: 2^-16 of a cell's square, times 1e-2 of a rule.
     np.testing.assert_allclose(radiance, expected, rtol=1e-5, atol=1e-5 * np.abs(expected).mean())
+
+
+def harmonic(index: int, direction: Array) -> float:
+    """A real harmonic from scipy's complex ones, without the Condon-Shortley sign."""
+    degree = math.isqrt(index)
+    order = index - degree * (degree + 1)
+    polar, azimuth = math.acos(direction[2]), math.atan2(direction[1], direction[0])
+    value = complex(sph_harm_y(degree, abs(order), polar, azimuth))
+    if order == 0:
+        return value.real
+    return math.sqrt(2) * (-1) ** order * (value.real if order > 0 else value.imag)
+
+
+@pytest.mark.parametrize("perspective", [True, False])
+@pytest.mark.parametrize("clamp", [True, False])
+def test_angular_terms_against_brute_force(perspective: bool, clamp: bool) -> None:
+    """Distant and local lights (one of them inside the grid) and all moments, by a definition."""
+    rng = np.random.default_rng(4)
+    shape = (5, 6, 4)
+    affine = trilinear.affine(5)
+    sigma_t = rng.random((1, *shape), dtype=np.float32)
+    channels = rng.uniform(-0.5, 1, (4, *shape)).astype(np.float32)
+    centre = affine[:3, :3] @ (np.array(shape) / 2) + affine[:3, 3]
+    toward = np.array([0.48, -0.6, 0.64])
+    angular = [
+        ("direction", 0.7, toward),
+        ("position", -0.5, centre + np.array([3.0, -4.0, 5.0])),
+        ("position", 0.9, centre + np.array([0.31, 0.17, -0.23])),
+        *(("moment", index) for index in range(9)),
+    ]
+
+    def factor(number: int, v: Array, points: Array) -> Array:
+        kind, *values = angular[number]
+        if kind == "moment":
+            return np.full(points.shape[:-1], harmonic(values[0], -v))
+        g, source = values
+        omega = source if kind == "direction" else source - points
+        omega = omega / np.linalg.norm(omega, axis=-1, keepdims=True)
+        cosine = -omega @ v
+        return (1 - g * g) / (1 + g * g - 2 * g * cosine) ** 1.5
+
+    terms = [((n % 4,) if n % 3 else (n % 4, 1), rng.normal(size=3)) for n in range(len(angular))]
+    rays = trilinear.camera(centre, 4.0, 3, (WIDTH, HEIGHT), perspective)
+    radiance, _ = native.line_integral(
+        sigma_t, sigma_t, None, affine, channels, [(*term, n) for n, term in enumerate(terms)],
+        rays, WIDTH, HEIGHT, angular=angular, subpixels=SUBPIXELS, clamp=clamp,
+    )  # fmt: skip
+    expected, _ = march(
+        rays, affine, sigma_t, sigma_t, None, channels, terms, clamp, 8, angular=factor
+    )
+    assert np.abs(expected).mean() > 0.05
+    # As above: the promise of 1e-5.
+    np.testing.assert_allclose(radiance, expected, rtol=1e-5, atol=1e-5 * np.abs(expected).mean())
+
+
+def test_a_ray_through_a_local_light_is_finite() -> None:
+    """The cosine jumps from 1 to -1 at the light: the mean of both sides of a symmetric slab."""
+    sigma_t, affine = slab(0.02, 1.0, 8)
+    middle = affine @ [1, 1, 4.5, 1]
+    ray = np.array([[*middle[:2], -5], [0, 0, 0], [0, 0, 0], [0, 0, 2], [0, 0, 0], [0, 0, 0]])
+    g = 0.5
+    radiance, _ = native.line_integral(
+        sigma_t, sigma_t, None, affine, np.ones_like(sigma_t), [((0,), [1, 1, 1], 0)],
+        ray, 1, 1, angular=[("position", g, middle[:3])],
+    )  # fmt: skip
+    front, back = (1 - g * g) / (1 - g) ** 3, (1 - g * g) / (1 + g) ** 3
+    # Forward before the light, backward behind it, each half attenuated: to 2^-8 of a cell.
+    expected = front * (1 - math.exp(-0.01)) + back * (math.exp(-0.01) - math.exp(-0.02))
+    assert radiance == pytest.approx(np.full((1, 1, 3), expected), rel=1e-3)
 
 
 def slab(values: float, depth: float, count: int) -> tuple[Planes, Array]:
@@ -201,6 +278,12 @@ def test_any_number_of_threads_gives_the_same_and_cancel_stops_it() -> None:
         ({"channels": np.ones((5, 3, 3, 2), np.float32)}, r"channels has shape \(5, 3, 3, 2\)"),
         ({"terms": [((1,), [1, 1, 1])]}, r"terms\[0\] names a channel .* from 0 to 1 - 1"),
         ({"terms": [((0, 0, 0), [1, 1, 1])]}, r"terms\[0\] is not a tuple \(channels, weight\)"),
+        ({"terms": [((0,), [1, 1, 1], 0)]}, r"terms\[0\] names an angular .* an integer below 0"),
+        ({"angular": [("moment", 9)]}, r"angular\[0\]'s index is not an integer from 0 to 8"),
+        ({"angular": [("direction", 1, [1, 0, 0])]}, r"angular\[0\]'s g is not a number between"),
+        ({"angular": [("direction", 0, [1, 1, 0])]}, r"direction has length 1.41.*; expected 1"),
+        ({"angular": [("position", 0, [1, 0])]}, r"angular\[0\]'s position has shape \(2,\)"),
+        ({"angular": [("moments", 1)]}, r"angular\[0\] is not \('direction', g, vector\)"),
         ({"terms": [((0,), [1, 1])]}, r"terms\[0\]'s weight has shape \(2,\)"),
         ({"rays": np.zeros((6, 3))}, "rays have no direction at image position"),
         ({"rays": np.zeros((5, 3))}, r"rays has shape \(5, 3\); expected \(6, 3\)"),

@@ -14,6 +14,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from .. import __version__
 from ..core.errors import InputError, bad
 from ..core.grid import Grid
 from ..core.medium import Medium
+from ..models.angular import Angular, Moment, Phase
 from ..models.illuminate import VOID_MARGIN
 from ..models.registry import get
 from ..models.volume import Cost, Factor, IlluminationVolume, RadianceTerm
@@ -37,7 +39,7 @@ __all__ = ["grid_names", "read_grid", "read_metadata", "read_vdb", "write_into",
 PREFIX = "volillum_"
 DENSITY, SIGMA_S, EMISSION = "density", "volillum_sigma_s", "volillum_emission"
 # Raised when the meaning of grids or metadata changes: older files are then not read.
-FORMAT = 1
+FORMAT = 2
 # Interpolation next to matter reads one voxel into the void; one more is for displays that blur.
 KEPT_MARGIN = VOID_MARGIN
 # The hand-over's own time is known after the file is written: it replaces this many blanks.
@@ -174,7 +176,8 @@ def _described(volume: IlluminationVolume, half: bool) -> dict[str, object]:
         "channels": list(volume.channels),
         "radiance": [
             {"factors": [[f.channel, f.component] for f in term.factors],
-             "weight": [float(w) for w in term.weight]}
+             "weight": [float(w) for w in term.weight],
+             "angular": _angular_entry(term.angular)}
             for term in volume.radiance
         ],
         "image_emission": volume.image_emission,
@@ -215,7 +218,23 @@ def _radiance(term: Mapping[str, Any]) -> RadianceTerm:
     return RadianceTerm(
         tuple(Factor(channel, component) for channel, component in term["factors"]),
         (red, green, blue),
+        _angular(term["angular"]),
     )
+
+
+def _angular_entry(angular: Angular | None) -> dict[str, object] | None:
+    """The fields of a Phase or Moment, and which of them it is."""
+    if angular is None:
+        return None
+    return {"kind": "phase" if isinstance(angular, Phase) else "moment", **asdict(angular)}
+
+
+def _angular(entry: Mapping[str, Any] | None) -> Angular | None:
+    if entry is None:
+        return None
+    if entry["kind"] == "moment":
+        return Moment(entry["index"])
+    return Phase(entry["g"], entry["direction"], entry["position"])
 
 
 def _stored(volume: IlluminationVolume, near: NDArray[np.bool_]) -> Iterator[tuple[str, Grid]]:

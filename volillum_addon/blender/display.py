@@ -1,7 +1,8 @@
 """Showing a bake: a material of plain nodes that turns its grids into emission.
 
     absorption = sigma_t, scattering = 0,
-    emission = sigma_s max(0, sum of weight * product of channels) + the medium's own
+    emission = sigma_s max(0, L_i) + the medium's own,
+    L_i = sum of weight * product of channels * angular factor
 
 which is what models.image.line_integral integrates.
 """
@@ -11,24 +12,19 @@ from __future__ import annotations
 from pathlib import Path
 
 import bpy
-import numpy as np
 
 from ..bake.vdb import read_vdb
 from ..core.errors import InputError, bad
 from ..models.illuminate import relight
-from ..models.volume import Factor, IlluminationVolume, RadianceTerm
+from ..models.volume import IlluminationVolume
 from .light_reader import read_lights
 from .nodes import Term, Tree
+from .radiance_nodes import CHANNEL, in_scattered
 from .sandbox import add_object, load_volume
 
 # EEVEE silently drops what a material reads beyond this many grids.
 EEVEE_GRIDS = 15
-SIGMA_T, SIGMA_S, EMISSION, CHANNEL = (
-    "density",
-    "volillum_sigma_s",
-    "volillum_emission",
-    "volillum_",
-)
+SIGMA_T, SIGMA_S, EMISSION = "density", "volillum_sigma_s", "volillum_emission"
 
 
 def show_bake(
@@ -67,11 +63,11 @@ def display_material(
         )
     material = bpy.data.materials.new(name)
     tree = Tree(material.node_tree)
-    radiance = tree.vector("MAXIMUM", _sum(tree, _radiance(tree, volume)), (0, 0, 0))
+    radiance = tree.vector("MAXIMUM", in_scattered(tree, volume), (0, 0, 0))
     glow: list[Term] = [tree.vector("MULTIPLY", _sigma_s(tree, volume), radiance)]
     if volume.image_emission and volume.medium.emission is not None:
         glow.append(tree.positive(EMISSION))
-    _coefficients(tree, volume, scatter=(0, 0, 0), emission=_sum(tree, glow))
+    _coefficients(tree, volume, scatter=(0, 0, 0), emission=tree.sum(glow))
     return material
 
 
@@ -131,52 +127,6 @@ def _grids(volume: IlluminationVolume) -> set[str]:
         | ({SIGMA_S} if volume.medium.constant_albedo is None else set())
         | ({EMISSION} if volume.image_emission and volume.medium.emission is not None else set())
     )
-
-
-def _radiance(tree: Tree, volume: IlluminationVolume) -> list[Term]:
-    """The terms of the radiance; those that pick components of one channel are dot products."""
-    by_channel: dict[str, list[RadianceTerm]] = {}
-    others = []
-    for term in volume.radiance:
-        if len(term.factors) == 1 and term.factors[0].component is not None:
-            by_channel.setdefault(term.factors[0].channel, []).append(term)
-        else:
-            others.append(term)
-    parts: list[Term] = []
-    for channel, terms in by_channel.items():
-        weights = np.zeros((3, 3))  # [colour, component]
-        for term in terms:
-            component = term.factors[0].component
-            assert component is not None
-            # A scalar grid reads as three equal components: only the first one counts.
-            wide = volume.channels[channel].channels == 3
-            weights[:, component if wide else 0] += term.weight
-        grid = tree.attribute(CHANNEL + channel)
-        parts.append(
-            tree.combine(*(tree.vector("DOT_PRODUCT", grid, tuple(row)) for row in weights))
-        )
-    for term in others:
-        product: Term = term.weight
-        for factor in term.factors:
-            product = tree.vector("MULTIPLY", _factor(tree, factor, volume), product)
-        parts.append(product)
-    return parts
-
-
-def _factor(tree: Tree, factor: Factor, volume: IlluminationVolume) -> bpy.types.NodeSocket:
-    grid = tree.attribute(CHANNEL + factor.channel)
-    if factor.component is None or volume.channels[factor.channel].channels == 1:
-        return grid
-    return tree.vector("DOT_PRODUCT", grid, tuple(np.eye(3)[factor.component]))
-
-
-def _sum(tree: Tree, parts: list[Term]) -> Term:
-    if not parts:
-        return (0, 0, 0)
-    total = parts[0]
-    for part in parts[1:]:
-        total = tree.vector("ADD", total, part)
-    return total
 
 
 def add_volume(

@@ -19,6 +19,7 @@ class Tree:
         self.tree = tree
         self._attributes: dict[str, bpy.types.Node] = {}
         self._positive: dict[str, bpy.types.NodeSocket] = {}
+        self._geometry: bpy.types.Node | None = None
 
     def node(self, kind: str, **properties: object) -> bpy.types.Node:
         """A new node with its properties set."""
@@ -47,12 +48,34 @@ class Tree:
             self.feed(socket, term)
         return node.outputs["Value" if operation == "DOT_PRODUCT" else "Vector"]
 
+    def math(self, operation: str, *terms: Term) -> bpy.types.NodeSocket:
+        """A Math node's value."""
+        node = self.node("ShaderNodeMath", operation=operation)
+        for socket, term in zip(node.inputs, terms, strict=False):
+            self.feed(socket, term)
+        return node.outputs["Value"]
+
+    def geometry(self, output: str) -> bpy.types.NodeSocket:
+        """World `Position` of the shaded point, or `Incoming`, the unit vector toward the eye."""
+        if self._geometry is None:
+            self._geometry = self.node("ShaderNodeNewGeometry")
+        return self._geometry.outputs[output]
+
     def combine(self, x: Term, y: Term, z: Term) -> bpy.types.NodeSocket:
         """The vector (x, y, z)."""
         node = self.node("ShaderNodeCombineXYZ")
         for socket, term in zip(node.inputs, (x, y, z), strict=True):
             self.feed(socket, term)
         return node.outputs[0]
+
+    def sum(self, parts: Sequence[Term]) -> Term:
+        """The sum of vectors."""
+        if not parts:
+            return (0, 0, 0)
+        total = parts[0]
+        for part in parts[1:]:
+            total = self.vector("ADD", total, part)
+        return total
 
     def attribute(self, grid: str) -> bpy.types.NodeSocket:
         """A grid of the volume as a vector; a scalar grid is three equal components."""

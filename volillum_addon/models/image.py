@@ -26,7 +26,7 @@ def line_integral(
     """
     medium = volume.medium
     emission = medium.emission if volume.image_emission else None
-    planes, terms = volume.planes()
+    planes, terms, angular = volume.planes()
     radiance, transmittance = native.line_integral(
         medium.sigma_t.planes(),
         medium.sigma_s.planes(),
@@ -37,6 +37,7 @@ def line_integral(
         camera.rays(width, height),
         width,
         height,
+        angular=angular,
         subpixels=subpixels,
         control=control.native if control else None,
     )

@@ -10,7 +10,13 @@ from numpy.typing import NDArray
 
 from ..core.errors import bad
 from ..core.grid import Grid
+from ..core.lights import Light
 from ..core.medium import Medium
+from .angular import Angular, View, toward_eye
+
+# A term as the native line integral takes it: planes, weight, and the number of its angular
+# dependence.
+NativeTerm = tuple[tuple[int, ...], tuple[float, float, float], int | None]
 
 
 @dataclass(frozen=True)
@@ -24,10 +30,12 @@ class Factor:
 
 @dataclass(frozen=True)
 class RadianceTerm:
-    """weight (RGB) times the product of one or two channels."""
+    """weight (RGB) times the product of one or two channels, times what the direction of the eye
+    makes of it (None: nothing, light is scattered alike to all sides)."""
 
     factors: tuple[Factor, ...]
     weight: tuple[float, float, float]
+    angular: Angular | None = None
 
 
 @dataclass(frozen=True)
@@ -59,15 +67,58 @@ class IlluminationVolume:
         """The same channels under other lights."""
         return replace(self, radiance=terms)
 
-    def in_scattered(self) -> Grid:
-        """In-scattered radiance at the voxels, [i, j, k, 3]."""
+    @property
+    def needs_view(self) -> bool:
+        """Whether the radiance depends on where the eye is."""
+        return any(term.angular is not None for term in self.radiance)
+
+    def in_scattered(
+        self, lights: tuple[Light, ...] | None = None, view: View | None = None
+    ) -> Grid:
+        """In-scattered radiance at the voxels, [i, j, k, 3].
+
+        `lights` relights the channels first (models.illuminate.relight). `view` is a camera or an
+        outward direction toward the eye; InputError where the radiance needs one and it is None.
+        """
+        if lights is not None:
+            from .illuminate import relight  # the registry's models import this file
+
+            return relight(self, lights).in_scattered(view=view)
+        total = np.zeros((*self.medium.sigma_t.shape, 3), np.float32)
+        for angular in dict.fromkeys(term.angular for term in self.radiance):
+            part = self._summed(angular)
+            total += part if angular is None else part * self._seen(angular, view)
+        return self.medium.sigma_t.with_values(np.maximum(total, 0), "in_scattered")
+
+    def _summed(self, angular: Angular | None) -> NDArray[np.float32]:
+        """The sum of the terms with this dependence on the eye, without it, [i, j, k, 3]."""
         total = np.zeros((*self.medium.sigma_t.shape, 3), np.float32)
         for term in self.radiance:
-            product = np.broadcast_to(np.asarray(term.weight, np.float32), (1, 1, 1, 3))
-            for factor in term.factors:
-                product = product * self.component(factor)
-            total += product
-        return self.medium.sigma_t.with_values(np.maximum(total, 0), "in_scattered")
+            if term.angular == angular:
+                product = np.broadcast_to(np.asarray(term.weight, np.float32), (1, 1, 1, 3))
+                for factor in term.factors:
+                    product = product * self.component(factor)
+                total += product
+        return total
+
+    def _seen(self, angular: Angular, view: View | None) -> NDArray[np.float32]:
+        """The angular factor at the voxels, [i, j, k, 1]."""
+        if view is None:
+            raise bad(
+                "the view",
+                "missing",
+                f"a Camera or a direction toward the eye: the radiance of {self.model} depends on "
+                "it",
+            )
+        lattice = self.medium.sigma_t
+        factor = np.empty((*lattice.shape, 1), np.float32)
+        for i in range(lattice.shape[0]):  # world positions of the whole lattice would be large
+            index = np.stack(
+                np.meshgrid([i], *map(np.arange, lattice.shape[1:]), indexing="ij"), -1
+            )
+            points = lattice.to_world(index.astype(np.float64))
+            factor[i, ..., 0] = angular.values(toward_eye(view, points), points)[0]
+        return factor
 
     def component(self, factor: Factor) -> NDArray[np.float32]:
         """The factor's values, [i, j, k, 1] or [i, j, k, 3]."""
@@ -78,18 +129,19 @@ class IlluminationVolume:
             return values[..., None]
         return values if factor.component is None else values[..., factor.component, None]
 
-    def planes(
-        self,
-    ) -> tuple[NDArray[np.float32], list[tuple[tuple[int, ...], tuple[float, float, float]]]]:
-        """The channels as scalar planes [m, i, j, k], and the radiance terms over them: what the
-        native line integral takes. A whole vector channel becomes one term per colour."""
+    def planes(self) -> tuple[NDArray[np.float32], list[NativeTerm], list[tuple[object, ...]]]:
+        """What the native line integral takes: the channels as scalar planes [m, i, j, k], the
+        radiance terms over them, and the angular dependences that these count. A whole vector
+        channel becomes one term per colour."""
         first: dict[str, int] = {}
         planes: list[NDArray[np.float32]] = []
         for name in dict.fromkeys(f.channel for term in self.radiance for f in term.factors):
             first[name] = len(planes)
             planes.extend(self.channels[name].planes())
-        terms: list[tuple[tuple[int, ...], tuple[float, float, float]]] = []
+        angulars = list(dict.fromkeys(t.angular for t in self.radiance if t.angular is not None))
+        terms: list[NativeTerm] = []
         for term in self.radiance:
+            seen = None if term.angular is None else angulars.index(term.angular)
             by_colour = any(
                 factor.component is None and self.channels[factor.channel].channels == 3
                 for factor in term.factors
@@ -103,5 +155,5 @@ class IlluminationVolume:
                 weight = np.array(term.weight)
                 if colour is not None:
                     weight = weight * (np.arange(3) == colour)
-                terms.append((tuple(indices), (weight[0], weight[1], weight[2])))
-        return np.stack(planes), terms
+                terms.append((tuple(indices), (weight[0], weight[1], weight[2]), seen))
+        return np.stack(planes), terms, [angular.native() for angular in angulars]

@@ -2,17 +2,21 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <vector>
 
+#include "volillum/angular.h"
 #include "volillum/control.h"
 #include "volillum/trilinear.h"
 
 namespace volillum {
 
-// weight * (product of the trilinearly interpolated channels).
+// weight * (product of the trilinearly interpolated channels) * what the eye's direction makes of
+// it.
 struct ChannelProduct {
-    std::vector<std::size_t> channels;  // one or two
-    Vec3 weight;                        // RGB
+    std::vector<std::size_t> channels;   // one or two
+    Vec3 weight;                         // RGB
+    std::optional<std::size_t> angular;  // place in the volume's list; none: scattered to all sides
 };
 
 struct BakedVolume {
@@ -20,6 +24,7 @@ struct BakedVolume {
     Bricks::Planes emission;          // 0 or 3
     Bricks::Planes channels;
     std::vector<ChannelProduct> terms;
+    std::vector<Angular> angular;
     bool clamp;  // negative in-scattered radiance is shown as 0
 };
 

@@ -28,6 +28,9 @@ VOLILLUM_INLINE Vec3 operator-(const Vec3 &a, const Vec3 &b) {
 VOLILLUM_INLINE Vec3 operator*(double s, const Vec3 &a) {
     return {s * a[0], s * a[1], s * a[2]};
 }
+VOLILLUM_INLINE double dot(const Vec3 &a, const Vec3 &b) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
 VOLILLUM_INLINE double length(const Vec3 &a) {
     return std::sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]);
 }

@@ -1,5 +1,5 @@
 // L = int tau (sigma_s max(0, L_i) + emission) ds along a ray, L_i = sum_terms weight * product of
-// trilinear channels; cell by cell with 4-point Gauss-Legendre quadrature.
+// trilinear channels * angular factor; cell by cell with 4-point Gauss-Legendre quadrature.
 //
 // Along a straight piece inside a cell sigma_t is a cubic. Its values at the four nodes fix it, so
 // the optical depth up to each node is the same linear combination of them for every piece (the
@@ -12,6 +12,7 @@
 #include <cmath>
 #include <limits>
 
+#include "line_integral_fields.h"
 #include "volillum/cell_walk.h"
 #include "volillum/parallel.h"
 
@@ -63,92 +64,27 @@ struct GaussRule {
     }
 };
 
-// What one point of the volume holds, all fields interleaved: one interpolation serves them all.
-// Terms of a single channel are summed per voxel before (interpolation is linear).
-class Volume {
-public:
-    Volume(const Size3 &shape, const BakedVolume &baked)
-        : sigma_t(0),
-          sigma_s(baked.sigma_t.channels),
-          emission(sigma_s + baked.sigma_s.channels),
-          linear(emission + baked.emission.channels),
-          products(linear + 3),
-          grey_t(baked.sigma_t.channels == 1),
-          grey_s(baked.sigma_s.channels == 1),
-          emits(baked.emission.channels == 3),
-          clamp(baked.clamp),
-          terms(product_terms(baked)),
-          bricks(shape, {baked.sigma_t, baked.sigma_s, baked.emission}),
-          field(bricks, products + 2 * terms.size()) {
-        const std::size_t voxels = shape[0] * shape[1] * shape[2];
-        const auto load = [&](std::size_t first, const Bricks::Planes &planes) {
-            for (std::size_t c = 0; c < planes.channels; ++c)
-                field.set(bricks, first + c, planes.values + c * voxels);
-        };
-        load(sigma_t, baked.sigma_t);
-        load(sigma_s, baked.sigma_s);
-        load(emission, baked.emission);
-        std::vector<double> sum(voxels);
-        std::vector<float> plane(voxels);
-        for (std::size_t rgb = 0; rgb < 3; ++rgb) {
-            std::fill(sum.begin(), sum.end(), 0.0);
-            for (const ChannelProduct &term : baked.terms) {
-                if (term.channels.size() != 1 || term.weight[rgb] == 0.0) continue;
-                const float *channel = baked.channels.values + term.channels[0] * voxels;
-                for (std::size_t n = 0; n < voxels; ++n)
-                    sum[n] += term.weight[rgb] * double(channel[n]);
-            }
-            std::transform(sum.begin(), sum.end(), plane.begin(),
-                           [](double value) { return float(value); });
-            field.set(bricks, linear + rgb, plane.data());
-        }
-        for (std::size_t n = 0; n < terms.size(); ++n)
-            for (std::size_t factor = 0; factor < 2; ++factor)
-                field.set(bricks, products + 2 * n + factor,
-                          baked.channels.values + terms[n].channels[factor] * voxels);
-    }
-
-    Vec3 in_scattered(const double *values) const {
-        Vec3 sum = {values[linear], values[linear + 1], values[linear + 2]};
-        for (std::size_t n = 0; n < terms.size(); ++n)
-            sum = sum + (values[products + 2 * n] * values[products + 2 * n + 1]) * terms[n].weight;
-        return sum;
-    }
-
-    const std::size_t sigma_t, sigma_s, emission, linear, products;  // first field of each
-    const bool grey_t, grey_s, emits, clamp;
-    const std::vector<ChannelProduct> terms;  // of two channels
-    const Bricks bricks;  // only where something absorbs, scatters or emits does light matter
-    Field field;
-
-private:
-    static std::vector<ChannelProduct> product_terms(const BakedVolume &baked) {
-        std::vector<ChannelProduct> products;
-        std::copy_if(baked.terms.begin(), baked.terms.end(), std::back_inserter(products),
-                     [](const ChannelProduct &term) { return term.channels.size() == 2; });
-        return products;
-    }
-};
-
 // Light gathered along one ray so far.
 class Gather {
 public:
-    Gather(const Volume &volume, const GaussRule &rule, const LatticeRay &ray,
+    Gather(const VolumeFields &volume, const GaussRule &rule, const LatticeRay &ray, Sight &sight,
            std::vector<double> &scratch)
-        : volume_(volume), rule_(rule), ray_(ray), values_(scratch) {
+        : volume_(volume), rule_(rule), ray_(ray), sight_(sight), values_(scratch) {
         values_.resize(nodes * volume.field.channels());
     }
 
-    // Adds the piece [t0, t1] inside `cell`, halved as often as its depth or a kink asks for.
+    // Adds the piece [t0, t1] inside `cell`, halved as often as its depth, a kink or a light nearby
+    // asks for.
     VOLILLUM_INLINE void add_piece(const Cell &cell, double t0, double t1) {
-        const double smallest_kink = (t1 - t0) * std::exp2(-kink_halvings);
+        const double smallest = (t1 - t0) * std::exp2(-kink_halvings);
         std::array<double, 64> ends;  // of the halves still to come, the nearest last
         std::size_t waiting = 1;
         ends[0] = t1;
         while (waiting > 0 && !is_opaque()) {
             const double end = ends[waiting - 1], middle = 0.5 * (t0 + end);
             evaluate(cell, t0, end);
-            const bool bent = volume_.clamp && end - t0 > smallest_kink && changes_sign();
+            const bool bent = end - t0 > smallest &&
+                              (sight_.is_near(t0, end) || (volume_.clamp && changes_sign()));
             if ((deepest() > deepest_piece || bent) && t0 < middle && middle < end &&
                 waiting < ends.size()) {
                 ends[waiting++] = middle;
@@ -176,8 +112,9 @@ private:
         gain_ = {};
         for (std::size_t i = 0; i < nodes; ++i) {
             double *values = &values_[i * count];
-            volume_.field.interpolate(cell, ray_.at(t0 + rule_.abscissa[i] * size), values);
-            in_scattered_[i] = volume_.in_scattered(values);
+            const double t = t0 + rule_.abscissa[i] * size;
+            volume_.field.interpolate(cell, ray_.at(t), values);
+            in_scattered_[i] = volume_.in_scattered(values, sight_.at(t));
             for (std::size_t c = 0; c < 3; ++c) gain_[c] += size * rule_.weight[i] * sigma_t(i, c);
         }
     }
@@ -218,18 +155,20 @@ private:
         }
     }
 
-    const Volume &volume_;
+    const VolumeFields &volume_;
     const GaussRule &rule_;
     const LatticeRay &ray_;
+    Sight &sight_;
     std::vector<double> &values_;  // [node][field] of the piece last evaluated
     std::array<Vec3, nodes> in_scattered_{};
     Vec3 gain_{}, radiance_{}, depth_{};
 };
 
-[[gnu::flatten]] VOLILLUM_DISPATCH void add_ray(const Volume &volume, const GaussRule &rule,
-                                                const LatticeRay &ray, std::vector<double> &scratch,
-                                                double share, Vec3 &light, Vec3 &through) {
-    Gather gather(volume, rule, ray, scratch);
+[[gnu::flatten]] VOLILLUM_DISPATCH void add_ray(const VolumeFields &volume, const GaussRule &rule,
+                                                const LatticeRay &ray, Sight &sight,
+                                                std::vector<double> &scratch, double share,
+                                                Vec3 &light, Vec3 &through) {
+    Gather gather(volume, rule, ray, sight, scratch);
     walk_cells(volume.bricks, ray, std::numeric_limits<double>::infinity(),
                [&](const Cell &cell, double t0, double t1) {
                    gather.add_piece(cell, t0, t1);
@@ -244,7 +183,7 @@ private:
 void line_integral(const Lattice &lattice, const Size3 &shape, const BakedVolume &baked,
                    const PixelRays &view, int threads, Control *control, double *radiance,
                    double *transmittance) {
-    const Volume volume(shape, baked);
+    const VolumeFields volume(shape, baked);
     const GaussRule rule;
     const std::size_t s = view.subpixels;
     const double share = 1.0 / (double(s) * double(s));
@@ -255,9 +194,10 @@ void line_integral(const Lattice &lattice, const Size3 &shape, const BakedVolume
             const double v = double(pixel / view.width) + (double(sub / s) + 0.5) / double(s);
             const Vec3 origin = view.rays[0] + u * view.rays[1] + v * view.rays[2];
             const Vec3 toward = view.rays[3] + u * view.rays[4] + v * view.rays[5];
-            const LatticeRay ray{lattice.point(origin),
-                                 lattice.vector((1.0 / length(toward)) * toward)};
-            add_ray(volume, rule, ray, scratch, share, light, through);
+            const Vec3 forward = (1.0 / length(toward)) * toward;
+            const LatticeRay ray{lattice.point(origin), lattice.vector(forward)};
+            Sight sight(volume.angular, origin, forward);
+            add_ray(volume, rule, ray, sight, scratch, share, light, through);
         }
         std::copy(light.begin(), light.end(), radiance + 3 * pixel);
         std::copy(through.begin(), through.end(), transmittance + 3 * pixel);
