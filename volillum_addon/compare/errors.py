@@ -128,5 +128,6 @@ def field_error(
     truth = image_of(
         exact(scene, volume.model, points, samples, seed, control, **volume.parameters)
     )
-    baked = volume.in_scattered().values[tuple(unique.T)].astype(np.float64)
+    seen = volume.in_scattered(view=scene.need_camera())
+    baked = seen.values[tuple(unique.T)].astype(np.float64)
     return sampled_figure(Image.noiseless(baked[draws]), truth.inside(draws))
