@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import fields
 from hashlib import blake2b
 
 import numpy as np
@@ -69,9 +68,8 @@ def _lights(scene: Scene, model: Model) -> str:
     digest = blake2b(digest_size=DIGEST_BYTES)
     for light in model.represented(scene):
         digest.update(light.kind.encode() + b"\0")
-        for field in fields(light):
-            value = getattr(light, field.name)
-            digest.update(field.name.encode() + b"\0")
+        for name, value in sorted(vars(light).items()):
+            digest.update(name.encode() + b"\0")
             digest.update(value.encode() if isinstance(value, str) else _numbers(value))
     return digest.hexdigest()
 
