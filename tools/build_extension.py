@@ -2,7 +2,8 @@
 
 The extension is staged in build/extension: the package, the presets and the wheels of what it needs
 at run time and Blender lacks. What that is follows from pyproject.toml: the dependencies, and
-theirs in turn, without bpy and what bpy depends on, which Blender has inside.
+theirs in turn, without bpy and what bpy depends on, which Blender has inside. Compiled wheels are
+brought for each Python that Blender is built with; Blender unpacks those of its own.
 """
 
 import hashlib
@@ -18,12 +19,19 @@ from pathlib import Path
 
 from packaging.markers import default_environment
 from packaging.requirements import Requirement
-from packaging.utils import canonicalize_name
+from packaging.tags import Tag, compatible_tags, cpython_tags
+from packaging.utils import canonicalize_name, parse_wheel_filename
 
 ROOT = Path(__file__).resolve().parents[1]
 STAGE = ROOT / "build" / "extension"
 DIST = ROOT / "dist"
 WHEELS = ROOT / "wheels"
+# Blender's own builds have the first, Debian's the second.
+PYTHONS = ((3, 13), (3, 14))
+# Published for the first Python alone. Only reports could use it, and nothing loads it unasked.
+FIRST_PYTHON_ONLY = {"flip-evaluator"}
+# Compiled too, but its one pure wheel serves every Python and weighs a tenth of two of those.
+PURE = {"fonttools"}
 # Copied whole; the manifest and the wheels are added.
 CONTENTS = ("__init__.py", "LICENSE", "presets", "volillum_addon")
 # Python's name of a platform (of a wheel built here) -> Blender's.
@@ -73,31 +81,50 @@ def locked() -> dict[str, str]:
     return {canonicalize_name(entry.split("==")[0]): entry for entry in entries}
 
 
-def fetch(names: set[str]) -> list[Path]:
-    """The wheels of these distributions for this platform in wheels/, at the locked versions."""
-    lock = locked()
+def tags(names: set[str], python: tuple[int, int]) -> dict[str, set[Tag]]:
+    """Which wheels of each distribution that Python runs here."""
+    pure = set(compatible_tags(python, platforms=["any"]))
+    everything = pure | set(cpython_tags(python)) | set(compatible_tags(python))
+    return {name: pure if name in PURE else everything for name in names}
+
+
+def local(names: set[str], python: tuple[int, int]) -> dict[str, Path]:
+    """The wheels of the distributions for that Python which are in wheels/, as they are locked."""
+    lock, wanted = locked(), tags(names, python)
+    found = {}
+    for path in WHEELS.glob("*.whl"):
+        name, _, _, kinds = parse_wheel_filename(path.name)
+        if name in names and kinds & wanted[name]:
+            digest = hashlib.sha256(path.read_bytes()).hexdigest()
+            if f"sha256:{digest}" in lock[name]:
+                found[str(name)] = path
+    return found
+
+
+def fetch(names: set[str], python: tuple[int, int]) -> list[Path]:
+    """The wheels for that Python and this platform in wheels/, at the locked versions."""
     WHEELS.mkdir(exist_ok=True)
-    for attempt in ("local", "fetched"):
-        hashed = {
-            hashlib.sha256(path.read_bytes()).hexdigest(): path for path in WHEELS.glob("*.whl")
-        }
-        wheels = {
-            name: hashed[digest]
-            for name in names
-            for digest in re.findall(r"sha256:(\w+)", lock[name])
-            if digest in hashed
-        }
-        missing = sorted(names - set(wheels))
-        if not missing:
-            break
-        if attempt == "fetched":
-            raise FileNotFoundError(f"wheels/ lacks {', '.join(missing)} although it was fetched")
-        requirements = ROOT / "build" / "bundle.txt"
-        requirements.write_text("\n".join(lock[name] for name in missing))
-        run("-m", "pip", "download", "--disable-pip-version-check", "--quiet", "--no-deps",
-            "--only-binary", ":all:", "--require-hashes", "--dest", str(WHEELS),
-            "--requirement", str(requirements))  # fmt: skip
-    return sorted(wheels.values())
+    for pure in (True, False):
+        missing = {name for name in names - set(local(names, python)) if (name in PURE) == pure}
+        if missing:
+            download(sorted(missing), python, pure)
+    wheels = local(names, python)
+    if missing := sorted(names - set(wheels)):
+        raise FileNotFoundError(f"wheels/ lacks {', '.join(missing)} although it was fetched")
+    return list(wheels.values())
+
+
+def download(names: list[str], python: tuple[int, int], pure: bool) -> None:
+    """Fetches into wheels/; `pure` refuses what is compiled."""
+    requirements = ROOT / "build" / "bundle.txt"
+    requirements.parent.mkdir(exist_ok=True)
+    lock = locked()
+    requirements.write_text("\n".join(lock[name] for name in names))
+    kind = ("--implementation", "py", "--abi", "none", "--platform", "any") if pure else ()
+    run("-m", "pip", "download", "--disable-pip-version-check", "--quiet", "--no-deps",
+        "--only-binary", ":all:", "--require-hashes", "--dest", str(WHEELS),
+        "--python-version", ".".join(map(str, python)), *kind,
+        "--requirement", str(requirements))  # fmt: skip
 
 
 def native_wheel() -> Path:
@@ -145,7 +172,12 @@ def run(*arguments: str) -> None:
 
 def main() -> None:
     """Stages, builds, validates."""
-    stage([native_wheel(), *fetch(bundled())])
+    names = bundled()
+    first, *others = PYTHONS
+    wheels = {native_wheel(), *fetch(names, first)}
+    for python in others:
+        wheels.update(fetch(names - FIRST_PYTHON_ONLY, python))
+    stage(sorted(wheels))
     shutil.rmtree(DIST, ignore_errors=True)
     DIST.mkdir()
     blender = str(builder())

@@ -11,6 +11,8 @@ from importlib.metadata import requires
 from pathlib import Path
 
 import pytest
+from packaging.tags import compatible_tags, cpython_tags
+from packaging.utils import parse_wheel_filename
 from project_files import ROOT, make, tracked_files
 
 import volillum_addon
@@ -61,6 +63,19 @@ def test_the_wheels_are_what_blender_lacks(archive: Path) -> None:
         *("contourpy", "cycler", "fonttools", "kiwisolver", "packaging", "pillow", "pyparsing"),
         *("python_dateutil", "tzdata"),
     }
+
+
+def test_every_blenders_python_finds_its_wheels(archive: Path) -> None:
+    # Blender's own builds have 3.13, Debian's 3.14; both unpack only the wheels of their own.
+    named = {python: set[str]() for python in ((3, 13), (3, 14))}
+    for wheel in wheels(archive):
+        name, _, _, kinds = parse_wheel_filename(wheel.removeprefix("wheels/"))
+        for python, found in named.items():
+            if kinds & {*cpython_tags(python), *compatible_tags(python)}:
+                assert name not in found, f"two wheels of {name} for {python}"
+                found.add(name)
+    assert named[3, 13] - named[3, 14] == {"flip-evaluator"}
+    assert not named[3, 14] - named[3, 13]
 
 
 def test_the_manifest_lists_every_wheel(archive: Path, manifest: dict[str, object]) -> None:
