@@ -10,6 +10,7 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 from plumes import plume, write_plume
@@ -18,6 +19,7 @@ from project_files import ROOT
 from volillum_addon.bake.grids import to_vdb
 from volillum_addon.bake.openvdb_module import openvdb
 from volillum_addon.bake.vdb import read_metadata
+from volillum_addon.blender import terminal
 from volillum_addon.models.registry import MODELS, models
 
 ENVIRONMENT = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "tests"), *[
@@ -234,6 +236,24 @@ def test_interrupting_a_bake_is_status_130_and_leaves_nothing(made: Path, tmp_pa
     # Kernels poll every few milliseconds of work; leaving Blender takes the rest.
     assert time.monotonic() - begin < 20
     assert list((tmp_path / "out").glob("**/*")) == []
+
+
+def test_a_foreign_handler_gives_way_to_the_systems(monkeypatch: pytest.MonkeyPatch) -> None:
+    # In a real Blender SIGINT has a handler that Python does not know and so calls None.
+    install, installed = signal.signal, []
+
+    def signal_(number: int, handler: Any) -> None:
+        install(number, handler)
+        installed.append(handler)
+
+    before = signal.getsignal(signal.SIGINT)
+    monkeypatch.setattr(signal, "signal", signal_)
+    try:
+        with terminal.watched("waiting"):
+            assert len(installed) == 1
+        assert installed[1:] == [signal.SIG_DFL]
+    finally:
+        install(signal.SIGINT, before)
 
 
 def test_the_settings_of_the_file_count(made: Path) -> None:

@@ -92,7 +92,8 @@ def _interrupts(control: Control) -> Iterator[None]:
     finally:
         signal.set_wakeup_fd(wakeup)
         for number, handler in before:
-            signal.signal(number, handler)
+            # None: a handler that is not Python's, as Blender's own are, which cannot be put back.
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)
         sender.close()
         listener.join()
         receiver.close()
