@@ -8,50 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 import trilinear
-from numpy.typing import ArrayLike, NDArray
+from judging import SIGMAS, UP, WIDE, check, cone, constant, half_space, in_scattered
 from scipy import special, stats
 from trilinear import Array
 
 import volillum_native as native
 
-# A voxel so wide that rays leaving sideways have cosines below 1e-4: a half space of three voxels.
-WIDE = 1e4
-UP = np.array([0.0, 0.0, 1.0])
 OPAQUE = 1e9
-# Deviations in units of the standard error of 8 replicates that a fixed seed may show: a t variable
-# of 7 degrees of freedom exceeds 7 in 2e-4 of cases.
-SIGMAS = 7.0
-# sigma_t and the geometry in float32 and the sides' 1e-4 together.
-SYSTEMATIC = 1e-6
-
-
-def constant(radiance: float) -> Array:
-    return np.full((1, 3), radiance * math.sqrt(4 * math.pi))
-
-
-def cone(axis: ArrayLike, degrees: float, radiance: float = 1.0) -> tuple[Any, ...]:
-    return np.asarray(axis, float), False, math.cos(math.radians(degrees)), constant(radiance)
 
 
 def sphere(coefficients: Array) -> tuple[Any, ...]:
-    return UP, False, -1.0, coefficients
-
-
-def half_space(depth: float, floor: float = 1.0) -> tuple[NDArray[np.float32], Array, Array]:
-    """sigma_t = 1 around the point [1, 3] at optical depth `depth`, `floor` below it.
-
-    The border's fall-off over one voxel has the depth of half a voxel: `slices` + 1/2 above.
-    """
-    slices, below = 16, 4
-    step = depth / (slices + 0.5)
-    sigma_t = np.ones((1, 3, 3, below + slices + 1), np.float32)
-    sigma_t[..., :below] = floor
-    return sigma_t, np.diag([WIDE, WIDE, step, 1.0]), np.array([[WIDE, WIDE, below * step]])
-
-
-def check(value: Array, error: Array, truth: float, systematic: float = SYSTEMATIC) -> None:
-    assert np.all(error <= 2e-2 * truth + 1e-12)  # an estimate, not a guess
-    assert np.all(np.abs(value - truth) <= SIGMAS * error + systematic)
+    return UP, "direction", -1.0, coefficients
 
 
 @pytest.mark.parametrize("degrees", [15, 30, 45, 60, 90])
@@ -60,7 +27,7 @@ def test_c1_cone_in_a_half_space(degrees: float, depth: float) -> None:
     cosine = math.cos(math.radians(degrees))
     oblique = cosine * special.expn(2, depth / cosine) if degrees < 90 else 0.0
     truth = float((special.expn(2, depth) - oblique) / (1 - cosine))
-    value, error = native.exact_in_scattered(
+    value, error = in_scattered(
         *half_space(depth), [cone(UP, degrees)], directions=8192, seed=int(degrees)
     )
     check(value, error, truth)
@@ -74,9 +41,7 @@ def test_c8_tilted_cone(tilt: float, truth: float) -> None:
     for turn in (0.0, 1.0, 4.0):
         sine = math.sin(math.radians(tilt))
         axis = [sine * math.cos(turn), sine * math.sin(turn), math.cos(math.radians(tilt))]
-        value, error = native.exact_in_scattered(
-            *half_space(1.0), [cone(axis, 30)], directions=8192
-        )
+        value, error = in_scattered(*half_space(1.0), [cone(axis, 30)], directions=8192)
         check(value, error, truth)
 
 
@@ -85,7 +50,7 @@ def test_c8_tilted_cone(tilt: float, truth: float) -> None:
 )
 def test_f5_uniform_environment(depth: float, truth: float) -> None:
     medium = half_space(depth, floor=OPAQUE)
-    value, error = native.exact_in_scattered(*medium, [sphere(constant(1))], directions=32768)
+    value, error = in_scattered(*medium, [sphere(constant(1))], directions=32768)
     check(value, error, truth)
 
 
@@ -97,12 +62,10 @@ def test_f4_radiance_is_of_outward_directions() -> None:
     sigma_t = np.zeros((1, 3, 3, 3), np.float32)
     sigma_t[..., 0] = OPAQUE
     affine, point = np.diag([WIDE, WIDE, 1, 1]), np.array([[WIDE, WIDE, 1.0]])
-    value, error = native.exact_in_scattered(
-        sigma_t, affine, point, [sphere(coefficients)], directions=32768
-    )
+    value, error = in_scattered(sigma_t, affine, point, [sphere(coefficients)], directions=32768)
     check(value, error, 0.625)
     affine[2, 2] = -1  # the floor is now a ceiling
-    value, error = native.exact_in_scattered(
+    value, error = in_scattered(
         sigma_t, affine, -point * [-1, -1, 1], [sphere(coefficients)], directions=32768
     )
     check(value, error, 0.375)
@@ -123,8 +86,8 @@ def test_harmonics_are_real_orthonormal_without_condon_shortley_sign() -> None:
                 part = full.real if m >= 0 else full.imag
                 basis[band * (band + 1) + m] = part * (math.sqrt(2) if m else 1)
         for count in (1, 4, 9, 16):
-            term = (axis, False, 1.0, coefficients[:count])
-            value, error = native.exact_in_scattered(empty, np.eye(4), np.zeros((1, 3)), [term])
+            term = (axis, "direction", 1.0, coefficients[:count])
+            value, error = in_scattered(empty, np.eye(4), np.zeros((1, 3)), [term])
             np.testing.assert_allclose(value[0], basis[:count] @ coefficients[:count], atol=1e-13)
             assert np.all(error == 0)
 
@@ -147,7 +110,7 @@ def test_c4_knife_edge(degrees: float, offset: float, occluded: float) -> None:
     # 1e9): the depth of the ramp exceeds 30 at 3e-8 of its kilometre.
     affine[:3, 3] = [1e3 + math.tan(math.radians(offset)), -1e4, 1.0]
     plate = np.full((1, 3, 3, 1), OPAQUE * 1e9, np.float32)
-    value, error = native.exact_in_scattered(
+    value, error = in_scattered(
         plate, affine, np.zeros((1, 3)), [cone(UP, degrees)], directions=65536
     )
     # A discontinuous integrand: the lattice's error is larger, and its standard error says so.
@@ -162,9 +125,7 @@ def test_c3_disc() -> None:
     affine = np.eye(4)
     affine[:3, 3] = [-radius - 1, -radius - 1, distance]
     plate = (disc[None, ..., None] * OPAQUE).astype(np.float32)
-    value, error = native.exact_in_scattered(
-        plate, affine, np.zeros((1, 3)), [cone(UP, 45)], directions=65536
-    )
+    value, error = in_scattered(plate, affine, np.zeros((1, 3)), [cone(UP, 45)], directions=65536)
 
     def open_share(rim: float, depth: float) -> float:
         blocked = 1 - math.cos(math.atan2(rim, depth))
@@ -189,7 +150,7 @@ def test_f7_inside_a_homogeneous_sphere(at: float, truth: float) -> None:
     share = inside.reshape(size, fine, size, fine, size, fine).mean(axis=(1, 3, 5))
     affine = np.diag([1 / voxels] * 3 + [1.0])
     affine[:3, 3] = -(voxels + 1) / voxels
-    value, error = native.exact_in_scattered(
+    value, error = in_scattered(
         (1.5 * share).astype(np.float32)[None],
         affine,
         np.array([[0.0, 0.0, at]]),
@@ -207,7 +168,7 @@ def test_f7_inside_a_homogeneous_sphere(at: float, truth: float) -> None:
 def test_radius_cuts_visibility() -> None:
     """Deep inside a block every ray of length R has the depth sigma R: no variance at all."""
     block = np.full((1, 40, 40, 40), 0.3, np.float32)
-    value, error = native.exact_in_scattered(
+    value, error = in_scattered(
         block, np.eye(4), np.full((1, 3), 20.0), [sphere(constant(2))], radius=7.5
     )
     assert np.allclose(value, 2 * math.exp(-float(np.float32(0.3)) * 7.5), rtol=1e-12)
@@ -220,30 +181,28 @@ def test_narrow_lobe_becomes_its_axis() -> None:
     axis, points = rng.normal(size=3), rng.uniform(1, 7, (30, 3))
     vectors = np.tile(axis / np.linalg.norm(axis), (30, 1))
     depth = native.exact_optical_depth(block, np.eye(4), points, vectors)
-    value, error = native.exact_in_scattered(block, np.eye(4), points, [cone(axis, 0, 3)])
+    value, error = in_scattered(block, np.eye(4), points, [cone(axis, 0, 3)])
     np.testing.assert_allclose(value, 3 * np.exp(-depth) * np.ones(3), rtol=1e-12)
     assert np.all(error == 0)
-    narrow, _ = native.exact_in_scattered(block, np.eye(4), points, [cone(axis, 1e-3, 3)])
+    narrow, _ = in_scattered(block, np.eye(4), points, [cone(axis, 1e-3, 3)])
     # 1.7e-5 rad over at most 16 voxels of slope below 1: a depth of 16^2 / 2 times that.
     np.testing.assert_allclose(narrow, value, rtol=3e-3)
 
 
 def test_axis_toward_a_point() -> None:
-    """`local` is the fixed axis from each point to the eye, with the same random rays."""
+    """Toward a point is the fixed axis from each point to the eye, with the same random rays."""
     rng = np.random.default_rng(3)
     block = rng.random((1, 9, 9, 9), dtype=np.float32)
     points, eye = rng.uniform(1, 7, (8, 3)), np.array([4.0, 30.0, -6.0])
     cosine = math.cos(0.6)
-    value, _ = native.exact_in_scattered(
-        block, np.eye(4), points, [(eye, True, cosine, constant(1))]
-    )
+    value, _ = in_scattered(block, np.eye(4), points, [(eye, "point", cosine, constant(1))])
     for index, point in enumerate(points):
-        fixed, _ = native.exact_in_scattered(
-            block, np.eye(4), points, [(eye - point, False, cosine, constant(1))]
+        fixed, _ = in_scattered(
+            block, np.eye(4), points, [(eye - point, "direction", cosine, constant(1))]
         )
         np.testing.assert_allclose(value[index], fixed[index], rtol=1e-10)
-    at_eye, _ = native.exact_in_scattered(
-        block, np.eye(4), points[:1], [(points[0], True, cosine, constant(1))]
+    at_eye, _ = in_scattered(
+        block, np.eye(4), points[:1], [(points[0], "point", cosine, constant(1))]
     )
     assert np.all(np.isfinite(at_eye))
 
@@ -253,9 +212,9 @@ def test_channels_see_their_own_extinction() -> None:
     sigma_t = rng.random((3, 6, 7, 8), dtype=np.float32)
     affine, points = trilinear.affine(1), rng.normal(size=(5, 3))
     terms = [cone([1, 2, 3], 40), sphere(rng.normal(size=(16, 3)))]
-    value, error = native.exact_in_scattered(sigma_t, affine, points, terms)
+    value, error = in_scattered(sigma_t, affine, points, terms)
     for channel in range(3):
-        grey, grey_error = native.exact_in_scattered(
+        grey, grey_error = in_scattered(
             sigma_t[channel : channel + 1].copy(), affine, points, terms
         )
         np.testing.assert_allclose(value[:, channel], grey[:, channel], rtol=1e-11, atol=1e-13)
@@ -266,15 +225,15 @@ def test_clamp_is_of_the_mean() -> None:
     dark = sphere(np.array([[-1.0, 1.0, -1.0]]))
     arguments = (np.zeros((1, 2, 2, 2), np.float32), np.eye(4), np.zeros((1, 3)), [dark])
     level = 1 / math.sqrt(4 * math.pi)
-    np.testing.assert_allclose(native.exact_in_scattered(*arguments)[0], [[-level, level, -level]])
-    clamped = native.exact_in_scattered(*arguments, clamp=True)[0]
+    np.testing.assert_allclose(in_scattered(*arguments)[0], [[-level, level, -level]])
+    clamped = in_scattered(*arguments, clamp=True)[0]
     np.testing.assert_allclose(clamped, [[0, level, 0]])
 
 
 def seeds(count: int, directions: int, replicates: int) -> tuple[Array, Array, float]:
     """Independent estimates [count] of case C1, theta = 60 degrees, t = 1, their errors, truth."""
     sigma_t, affine, point = half_space(1.0)
-    value, error = native.exact_in_scattered(
+    value, error = in_scattered(
         sigma_t,
         affine,
         np.repeat(point, count, axis=0),
@@ -313,26 +272,38 @@ def test_a_point_depends_on_its_index_and_seed_only() -> None:
     rng = np.random.default_rng(6)
     block = rng.random((1, 20, 20, 20), dtype=np.float32)
     points, terms = rng.uniform(0, 20, (40, 3)), [cone([1, 1, 0], 50), sphere(constant(1))]
-    value, error = native.exact_in_scattered(block, np.eye(4), points, terms, threads=1)
+    value, error = in_scattered(block, np.eye(4), points, terms, threads=1)
     for threads in (2, 3):
-        again = native.exact_in_scattered(block, np.eye(4), points, terms, threads=threads)
+        again = in_scattered(block, np.eye(4), points, terms, threads=threads)
         assert np.array_equal(value, again[0])
         assert np.array_equal(error, again[1])
-    few, _ = native.exact_in_scattered(block, np.eye(4), points[:7].copy(), terms)
+    few, _ = in_scattered(block, np.eye(4), points[:7].copy(), terms)
     assert np.array_equal(value[:7], few)
-    other, _ = native.exact_in_scattered(block, np.eye(4), points, terms, seed=1)
+    other, _ = in_scattered(block, np.eye(4), points, terms, seed=1)
     assert not np.any(other == value)
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"terms": [(UP, False, 0.5)]}, r"terms\[0\] is not a tuple \(axis, local, cos_theta"),
-        ({"terms": [(UP, False, 1.5, constant(1))]}, r"terms\[0\]'s cos_theta is not a number"),
-        ({"terms": [(UP[:2], False, 0.5, constant(1))]}, r"axis has shape \(2,\); expected \(3,\)"),
-        ({"terms": [(0 * UP, False, 0.5, constant(1))]}, r"terms\[0\]'s axis is zero"),
-        ({"terms": [(UP, False, 0.5, np.ones((2, 3)))]}, r"radiance has shape \(2, 3\)"),
-        ({"terms": [(UP, False, 0.5, np.full((1, 3), np.nan))]}, "radiance holds a value that is"),
+        (
+            {"terms": [(UP, "direction", 0.5)]},
+            r"terms\[0\] is not a tuple \(axis, toward, cos_theta",
+        ),
+        (
+            {"terms": [(UP, "direction", 1.5, constant(1))]},
+            r"terms\[0\]'s cos_theta is not a number",
+        ),
+        (
+            {"terms": [(UP[:2], "direction", 0.5, constant(1))]},
+            r"axis has shape \(2,\); expected \(3,\)",
+        ),
+        ({"terms": [(0 * UP, "direction", 0.5, constant(1))]}, r"terms\[0\]'s axis is zero"),
+        ({"terms": [(UP, "direction", 0.5, np.ones((2, 3)))]}, r"radiance has shape \(2, 3\)"),
+        (
+            {"terms": [(UP, "direction", 0.5, np.full((1, 3), np.nan))]},
+            "radiance holds a value that is",
+        ),
         ({"replicates": 1}, "replicates is 1; expected at least 2"),
         ({"directions": 0}, "directions is 0"),
         ({"points": np.zeros((1, 4))}, r"points has shape \(1, 4\)"),
@@ -346,4 +317,4 @@ def test_bad_input_is_named(changes: dict[str, Any], message: str) -> None:
         "terms": [cone(UP, 30)],
     }
     with pytest.raises(ValueError, match=message):
-        native.exact_in_scattered(**(arguments | changes))
+        in_scattered(**(arguments | changes))

@@ -1,7 +1,15 @@
-"""The exact solution of a model's own equation, by brute force from its operator alone."""
+"""The exact solution of a model's own equation, by brute force from its operator alone.
+
+What is evaluated for an operator (`native/src/exact/`):
+
+    order 1, law exp                         exact optical depths along random rays of the lobe
+    order inf, further scatterings in the    random walks toward the light
+    same lobe
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -13,19 +21,26 @@ from ..core.errors import bad
 from ..core.native import native
 from ..core.scene import Scene
 from .illuminate import VOID_MARGIN
-from .operator import gather_terms
+from .operator import Operator, gather_terms
 from .registry import get
 
 # Independent randomisations behind every standard error.
 REPLICATES = 8
+# More than this share of the light's paths given up is an error; less is told in the estimate.
+MOST_NEGLECTED = 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """Values and their standard errors, of equal shape [..., 3]."""
+    """Values and their standard errors, of equal shape [..., 3].
+
+    `neglected` is the largest share of the light's paths to any of the points that was given up,
+    because it scattered more often than is followed: the values may be low by as much.
+    """
 
     value: NDArray[np.float64]
     standard_error: NDArray[np.float64]
+    neglected: float = 0.0
 
 
 def exact(
@@ -39,8 +54,11 @@ def exact(
 ) -> Estimate:
     """In-scattered radiance of the model's exact solution at world points [n, 3].
 
-    `samples` directions a point. Shares no code with the bakes: it is driven by the model's
-    operator, marches rays exactly through the trilinear medium and randomises its directions.
+    `samples` directions or walks a point. Shares no code with the bakes: it is driven by the
+    model's operator, marches rays exactly through the trilinear medium and randomises them.
+
+    Raises InputError where a bounded amount of work cannot follow the light (white, very deep
+    media).
     """
     where = np.ascontiguousarray(points, dtype=np.float64)
     if where.ndim != 2 or where.shape[1] != 3:
@@ -49,20 +67,23 @@ def exact(
     operator = chosen.operator(chosen.values(parameters))
     chosen.check(scene)
     trimmed = scene.trimmed(VOID_MARGIN)
-    sigma_t = trimmed.medium.sigma_t
-    value, error = native.exact_in_scattered(
-        sigma_t.planes(),
-        sigma_t.index_to_world,
-        where,
-        [term.native() for term in gather_terms(operator, trimmed, chosen.represented(trimmed))],
-        radius=operator.radius,
-        directions=samples,
-        replicates=REPLICATES,
-        seed=seed,
-        clamp=operator.clamped,
-        control=control.native if control else None,
+    medium = trimmed.medium
+    return _estimate(
+        *native.exact_in_scattered(
+            medium.sigma_t.planes(),
+            medium.sigma_t.index_to_world,
+            where,
+            [t.native() for t in gather_terms(operator, trimmed, chosen.represented(trimmed))],
+            sigma_s=medium.sigma_s.planes(),
+            equation=_equation(operator),
+            radius=operator.radius,
+            directions=samples,
+            replicates=REPLICATES,
+            seed=seed,
+            clamp=operator.clamped,
+            control=control.native if control else None,
+        )
     )
-    return Estimate(value, error)
 
 
 def exact_image(
@@ -88,21 +109,45 @@ def exact_image(
     trimmed = scene.trimmed(VOID_MARGIN)
     medium = trimmed.medium
     emission = medium.emission if operator.image_emission else None
-    value, error = native.exact_image(
-        medium.sigma_t.planes(),
-        medium.sigma_s.planes(),
-        emission.planes() if emission is not None else None,
-        medium.sigma_t.index_to_world,
-        [term.native() for term in gather_terms(operator, trimmed, chosen.represented(trimmed))],
-        scene.need_camera().rays(width, height),
-        width,
-        height,
-        radius=operator.radius,
-        points=points,
-        directions=directions,
-        replicates=REPLICATES,
-        seed=seed,
-        clamp=operator.clamped and clamped,
-        control=control.native if control else None,
+    return _estimate(
+        *native.exact_image(
+            medium.sigma_t.planes(),
+            medium.sigma_s.planes(),
+            emission.planes() if emission is not None else None,
+            medium.sigma_t.index_to_world,
+            [t.native() for t in gather_terms(operator, trimmed, chosen.represented(trimmed))],
+            scene.need_camera().rays(width, height),
+            width,
+            height,
+            equation=_equation(operator),
+            radius=operator.radius,
+            points=points,
+            directions=directions,
+            replicates=REPLICATES,
+            seed=seed,
+            clamp=operator.clamped and clamped,
+            control=control.native if control else None,
+        )
     )
-    return Estimate(value, error)
+
+
+def _equation(operator: Operator) -> dict[str, object]:
+    """The operator as the native evaluator takes it, beside the terms."""
+    if operator.law == "exp" and operator.split == "none":
+        if operator.order == 1 and operator.gathers_colour == 0 and not operator.gathers_emission:
+            return {"kind": "gather"}
+        if operator.rescatter == "lobe" and math.isinf(operator.order):
+            return {"kind": "scattered"}
+    raise bad("the operator", operator, "one that the exact evaluator knows (models/exact.py)")
+
+
+def _estimate(
+    value: NDArray[np.float64], error: NDArray[np.float64], neglected: NDArray[np.float64]
+) -> Estimate:
+    share = float(neglected.max(initial=0.0))
+    if share > MOST_NEGLECTED:
+        raise bad(
+            "the share of light that still scatters after 16384 collisions", f"{share:.2g}",
+            f"at most {MOST_NEGLECTED}: a less deep medium, or an albedo below 1",
+        )  # fmt: skip
+    return Estimate(value, error, share)

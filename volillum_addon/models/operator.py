@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core import harmonics
-from ..core.lights import DistantLight, EnvironmentLight, Light
+from ..core.errors import bad
+from ..core.lights import DistantLight, EnvironmentLight, Light, PointLight
 from ..core.scene import Scene
 
 
@@ -75,19 +76,19 @@ class Operator:
 class GatherTerm:
     """One lobe of directions and the radiance that arrives through it.
 
-    L_i = sum over terms of the mean over the lobe of L(omega) T(x, omega). The lobe is the cone of
-    half angle acos(cos_theta) about `axis` (`local`: about the direction from x to the point
-    `axis`); `radiance` [k, 3] are spherical-harmonic coefficients of L over outward directions.
+    The lobe is the cone of half angle acos(cos_theta) about the direction `axis`, or, toward a
+    "point" or a "lamp", about the direction from x to the point `axis`. `radiance` [k, 3] are
+    spherical-harmonic coefficients of L over outward directions; a lamp's is that at distance 1.
     """
 
     axis: NDArray[np.float64]
-    local: bool
+    toward: Literal["direction", "point", "lamp"]
     cos_theta: float
     radiance: NDArray[np.float64]
 
-    def native(self) -> tuple[NDArray[np.float64], bool, float, NDArray[np.float64]]:
+    def native(self) -> tuple[NDArray[np.float64], str, float, NDArray[np.float64]]:
         """As the native evaluator takes it."""
-        return self.axis, self.local, self.cos_theta, self.radiance
+        return self.axis, self.toward, self.cos_theta, self.radiance
 
 
 def brightness(lights: tuple[Light, ...], centre: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -108,16 +109,23 @@ def gather_terms(
         camera = scene.need_camera()
         constant = _constant(brightness(lights, centre))
         axis = -camera.forward if camera.orthographic else camera.eye
-        return (GatherTerm(axis, not camera.orthographic, cosine, constant),)
+        toward: Literal["direction", "point"] = "direction" if camera.orthographic else "point"
+        return (GatherTerm(axis, toward, cosine, constant),)
     if operator.axis == "light":
-        terms = []
-        for light in lights:
-            assert isinstance(light, DistantLight)
-            constant = _constant(light.fluence(centre) / (4 * math.pi))
-            terms.append(GatherTerm(np.asarray(light.direction), False, cosine, constant))
-        return tuple(terms)
+        return tuple(_light_term(light, cosine) for light in lights)
     up = np.array([0.0, 0.0, 1.0])
-    return (GatherTerm(up, False, cosine, truncated_radiance(operator, lights)),)
+    return (GatherTerm(up, "direction", cosine, truncated_radiance(operator, lights)),)
+
+
+def _light_term(light: Light, cosine: float) -> GatherTerm:
+    """The lobe about the direction to a light, filled with its F / (4 pi)."""
+    if isinstance(light, DistantLight):
+        constant = _constant(light.fluence(np.zeros(3)) / (4 * math.pi))
+        return GatherTerm(np.asarray(light.direction), "direction", cosine, constant)
+    if isinstance(light, PointLight):
+        constant = _constant(np.asarray(light.intensity) / (4 * math.pi))
+        return GatherTerm(np.asarray(light.position), "lamp", cosine, constant)
+    raise bad("a light with one direction", light.kind, "a distant or a point light")
 
 
 def truncated_radiance(operator: Operator, lights: tuple[Light, ...]) -> NDArray[np.float64]:

@@ -13,19 +13,41 @@ namespace volillum::exact {
 
 using Planes = Bricks::Planes;
 
-// One summand of the in-scattered radiance,
-//     (1 / Omega) int_lobe L(w) exp(-od(x, w)) dw,
-// uniform over the cone of half angle acos(cos_theta) about the axis; L(w) by its real orthonormal
-// spherical harmonics over outward world directions.
+// Voxel planes on one lattice. sigma_s and emission (sigma_a L_e) may have no channels: not needed.
+struct Medium {
+    Lattice lattice;
+    Size3 shape;
+    Planes sigma_t, sigma_s, emission;
+};
+
+// One lobe of directions and the radiance from outside that arrives through it. The lobe is
+// uniform over the cone of half angle acos(cos_theta) about the axis, L(w) is given by its real
+// orthonormal spherical harmonics over outward world directions.
 struct Term {
-    Vec3 axis;                   // unit direction, or a world point when `local`
-    bool local;                  // the axis at x is the direction from x to `axis`
+    // What `axis` is: a unit direction; a world point that the axis at x points to; or a lamp at
+    // that point, whose light also falls off with the squared distance.
+    enum class Toward { direction, point, lamp };
+    Vec3 axis;
+    Toward toward;
     double cos_theta;            // -1: the whole sphere; 1: the axis alone
-    std::vector<Vec3> radiance;  // 1, 4, 9 or 16 coefficients, RGB
+    std::vector<Vec3> radiance;  // 1, 4, 9 or 16 coefficients, RGB; of a lamp, at distance 1
+};
+
+// What is solved, beside the terms:
+struct Equation {
+    enum class Kind {
+        // L_i = sum_terms (1 / Omega) int_lobe L(w) exp(-od(x, x + radius w)) dw
+        gather,
+        // L_i = sum_terms B V, V(x) = (1 / Omega) int_lobe [T + int T sigma_s V ds] dw: the same
+        // lobe at every scattering, of a lamp about the direction to it, up to its nearest point
+        scattered,
+    };
+    Kind kind = Kind::gather;
+    std::vector<Term> terms;
+    double radius;  // visibility is cut at this distance, world units; may be infinite
 };
 
 struct Sampling {
-    double radius;           // visibility is cut at this distance, world units; may be infinite
     std::size_t directions;  // per term
     std::size_t replicates;  // independent randomisations, >= 2
     std::uint64_t seed;
@@ -41,20 +63,23 @@ struct Image {
     std::size_t width, height;
 };
 
+// Where results go: value[n][3], error[n][3], and per n the share of the light's paths that was
+// given up because it went on scattering.
+struct Results {
+    double *value, *error, *neglected;
+};
+
 // depth[n][channels]: optical depth from each origin to the border or to `radius`.
-void optical_depth(const Lattice &lattice, const Size3 &shape, const Planes &sigma_t,
-                   const double *origins, const double *directions, std::size_t count,
-                   double radius, int threads, Control *control, double *depth);
+void optical_depth(const Medium &medium, const double *origins, const double *directions,
+                   std::size_t count, double radius, int threads, Control *control, double *depth);
 
-// value[n][3], error[n][3]; here `directions` counts all replicates together.
-void in_scattered(const Lattice &lattice, const Size3 &shape, const Planes &sigma_t,
-                  const std::vector<Term> &terms, const double *points, std::size_t count,
-                  const Sampling &sampling, double *value, double *error);
+// Results at points [count][3]; here `directions` counts all replicates together.
+void in_scattered(const Medium &medium, const Equation &equation, const double *points,
+                  std::size_t count, const Sampling &sampling, const Results &results);
 
-// radiance[height][width][3] and its standard error; here `directions` counts per point of the ray
-// and `points` per replicate. sigma_s must vanish where sigma_t does.
-void image(const Lattice &lattice, const Size3 &shape, const Planes &sigma_t, const Planes &sigma_s,
-           const Planes &emission, const std::vector<Term> &terms, const Image &view,
-           std::size_t points, const Sampling &sampling, double *radiance, double *error);
+// Results at pixels [height][width]; here `directions` counts per point of the ray and `points`
+// per replicate. sigma_s must vanish where sigma_t does; `emits`: the emission is in the image.
+void image(const Medium &medium, const Equation &equation, bool emits, const Image &view,
+           std::size_t points, const Sampling &sampling, const Results &results);
 
 }  // namespace volillum::exact

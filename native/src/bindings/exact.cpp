@@ -1,7 +1,9 @@
 #include "volillum/exact.h"
 
 #include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
 
+#include <algorithm>
 #include <limits>
 
 #include "ray_arguments.h"
@@ -13,8 +15,17 @@ using namespace volillum::bindings;
 
 namespace {
 
-exact::Planes planes(const PlanesArray &array) {
-    return {array.data(), array.shape(0)};
+// One of `choices`, by its place among them.
+std::size_t choice(nb::handle value, const std::string &name,
+                   const std::vector<std::string> &choices) {
+    std::string found;
+    std::string expected;
+    if (!nb::try_cast(value, found)) fail(name + " is not a string");
+    for (std::size_t i = 0; i < choices.size(); ++i) {
+        if (found == choices[i]) return i;
+        expected += (i ? ", '" : "'") + choices[i] + "'";
+    }
+    fail(name + " is '" + found + "'; expected one of " + expected);
 }
 
 std::vector<exact::Term> terms_of(const nb::list &list) {
@@ -23,14 +34,16 @@ std::vector<exact::Term> terms_of(const nb::list &list) {
         const std::string name = "terms[" + std::to_string(terms.size()) + "]";
         nb::tuple fields;
         if (!nb::try_cast(item, fields) || fields.size() != 4)
-            fail(name + " is not a tuple (axis, local, cos_theta, radiance)");
+            fail(name + " is not a tuple (axis, toward, cos_theta, radiance)");
         exact::Term term;
         term.axis = as_vector(fields[0], name + "'s axis");
-        if (!nb::try_cast(fields[1], term.local)) fail(name + "'s local is not a bool");
+        term.toward = exact::Term::Toward(
+            choice(fields[1], name + "'s toward", {"direction", "point", "lamp"}));
         if (!nb::try_cast(fields[2], term.cos_theta) ||
             !(term.cos_theta >= -1.0 && term.cos_theta <= 1.0))
             fail(name + "'s cos_theta is not a number from -1 to 1");
-        if (!term.local && term.cos_theta > -1.0 && !(length(term.axis) > 0.0))
+        if (term.toward == exact::Term::Toward::direction && term.cos_theta > -1.0 &&
+            !(length(term.axis) > 0.0))
             fail(name + "'s axis is zero; expected a direction");
         const DoubleArray radiance = as_doubles(fields[3], name + "'s radiance");
         const auto shape = shape_of(radiance);
@@ -46,14 +59,57 @@ std::vector<exact::Term> terms_of(const nb::list &list) {
     return terms;
 }
 
-void require_sampling(std::int64_t directions, std::int64_t replicates, double radius) {
-    require_radius(radius);
+exact::Sampling sampling_of(std::int64_t directions, std::int64_t replicates, std::uint64_t seed,
+                            bool clamp, int threads, Control *control) {
     if (replicates < 2)
         fail("replicates is " + std::to_string(replicates) +
              "; expected at least 2, a standard error needs two");
     if (directions < 1)
         fail("directions is " + std::to_string(directions) + "; expected 1 or more");
+    return {std::size_t(directions), std::size_t(replicates), seed, clamp, threads, control};
 }
+
+exact::Medium medium_of(const PlanesArray &sigma_t, const std::optional<PlanesArray> &sigma_s,
+                        const std::optional<PlanesArray> &emission,
+                        const DoubleArray &index_to_world) {
+    const Size3 grid = grid_shape(sigma_t, "sigma_t");
+    if (sigma_s) require_grid(*sigma_s, "sigma_s", grid);
+    if (emission) require_grid(*emission, "emission", grid);
+    return {lattice(index_to_world), grid, planes(sigma_t),
+            sigma_s ? planes(*sigma_s) : exact::Planes{},
+            emission ? planes(*emission) : exact::Planes{}};
+}
+
+// What a dict says of the equation; every key must be known.
+class EquationReader {
+public:
+    EquationReader(const nb::dict &fields, const nb::list &terms, double radius,
+                   const exact::Medium &medium)
+        : fields_(fields) {
+        require_radius(radius);
+        equation_.terms = terms_of(terms);
+        equation_.radius = radius;
+        using Kind = exact::Equation::Kind;
+        equation_.kind = Kind(choice(take("kind"), "equation's kind", {"gather", "scattered"}));
+        if (equation_.kind == Kind::scattered && medium.sigma_s.channels == 0)
+            fail("sigma_s is None; an equation of this kind needs it");
+        for (const auto &[key, value] : fields_)
+            if (std::find(known_.begin(), known_.end(), nb::str(key).c_str()) == known_.end())
+                fail("equation has the unknown key " + std::string(nb::repr(key).c_str()));
+    }
+    const exact::Equation &equation() const { return equation_; }
+
+private:
+    nb::object take(const char *key) {
+        known_.emplace_back(key);
+        if (!fields_.contains(key)) fail(std::string("equation has no key '") + key + "'");
+        return fields_[key];
+    }
+
+    const nb::dict &fields_;
+    std::vector<std::string> known_;
+    exact::Equation equation_;
+};
 
 // Points are chosen where light is extinguished: scattering elsewhere would be missed.
 void require_bounded_albedo(const PlanesArray &sigma_t, const PlanesArray &sigma_s,
@@ -72,11 +128,26 @@ void require_bounded_albedo(const PlanesArray &sigma_t, const PlanesArray &sigma
         }
 }
 
+// Arrays for the results, over `shape`, and what Python gets of them.
+struct Outputs {
+    exact::Results results;
+    nb::tuple tuple;
+
+    explicit Outputs(const std::vector<std::size_t> &shape) {
+        std::vector<std::size_t> colours = shape;
+        colours.push_back(3);
+        auto [value, value_array] = output(colours);
+        auto [error, error_array] = output(colours);
+        auto [neglected, neglected_array] = output(shape);
+        results = {value, error, neglected};
+        tuple = nb::make_tuple(value_array, error_array, neglected_array);
+    }
+};
+
 OutArray exact_optical_depth(const PlanesArray &sigma_t, const DoubleArray &index_to_world,
                              const DoubleArray &origins, const DoubleArray &directions,
                              double radius, int threads, Control *control) {
-    const Size3 grid = grid_shape(sigma_t, "sigma_t");
-    const Lattice map = lattice(index_to_world);
+    const exact::Medium medium = medium_of(sigma_t, {}, {}, index_to_world);
     const std::size_t count = rows_of_three(origins, "origins");
     if (rows_of_three(directions, "directions") != count)
         fail("directions has " + std::to_string(directions.shape(0)) +
@@ -92,60 +163,59 @@ OutArray exact_optical_depth(const PlanesArray &sigma_t, const DoubleArray &inde
     auto [depth, array] = output({count, sigma_t.shape(0)});
     {
         const nb::gil_scoped_release release;
-        exact::optical_depth(map, grid, planes(sigma_t), origins.data(), directions.data(), count,
-                             radius, threads, control, depth);
+        exact::optical_depth(medium, origins.data(), directions.data(), count, radius, threads,
+                             control, depth);
     }
     return array;
 }
 
 nb::tuple exact_in_scattered(const PlanesArray &sigma_t, const DoubleArray &index_to_world,
-                             const DoubleArray &points, const nb::list &terms, double radius,
-                             std::int64_t directions, std::int64_t replicates, std::uint64_t seed,
-                             bool clamp, int threads, Control *control) {
-    const Size3 grid = grid_shape(sigma_t, "sigma_t");
-    const Lattice map = lattice(index_to_world);
+                             const DoubleArray &points, const nb::list &terms,
+                             const std::optional<PlanesArray> &sigma_s,
+                             const std::optional<PlanesArray> &emission, const nb::dict &equation,
+                             double radius, std::int64_t directions, std::int64_t replicates,
+                             std::uint64_t seed, bool clamp, int threads, Control *control) {
+    const exact::Medium medium = medium_of(sigma_t, sigma_s, emission, index_to_world);
     const std::size_t count = rows_of_three(points, "points");
-    const std::vector<exact::Term> sum = terms_of(terms);
-    require_sampling(directions, replicates, radius);
-    const exact::Sampling sampling{
-        radius, std::size_t(directions), std::size_t(replicates), seed, clamp, threads, control};
-    auto [value, value_array] = output({count, 3});
-    auto [error, error_array] = output({count, 3});
+    const EquationReader read(equation, terms, radius, medium);
+    const exact::Sampling sampling =
+        sampling_of(directions, replicates, seed, clamp, threads, control);
+    const Outputs outputs({count});
     {
         const nb::gil_scoped_release release;
-        exact::in_scattered(map, grid, planes(sigma_t), sum, points.data(), count, sampling, value,
-                            error);
+        exact::in_scattered(medium, read.equation(), points.data(), count, sampling,
+                            outputs.results);
     }
-    return nb::make_tuple(value_array, error_array);
+    return outputs.tuple;
 }
 
 nb::tuple exact_image(const PlanesArray &sigma_t, const PlanesArray &sigma_s,
                       const std::optional<PlanesArray> &emission, const DoubleArray &index_to_world,
                       const nb::list &terms, const DoubleArray &rays, std::int64_t width,
-                      std::int64_t height, double radius, std::int64_t points,
-                      std::int64_t directions, std::int64_t replicates, std::uint64_t seed,
-                      bool clamp, int threads, Control *control) {
-    const Size3 grid = grid_shape(sigma_t, "sigma_t");
-    require_grid(sigma_s, "sigma_s", grid);
-    if (emission) require_grid(*emission, "emission", grid, {3});
-    require_bounded_albedo(sigma_t, sigma_s, grid);
-    const Lattice map = lattice(index_to_world);
+                      std::int64_t height, const nb::dict &equation, double radius,
+                      std::int64_t points, std::int64_t directions, std::int64_t replicates,
+                      std::uint64_t seed, bool clamp, int threads, Control *control) {
+    const exact::Medium medium = medium_of(sigma_t, sigma_s, emission, index_to_world);
+    require_bounded_albedo(sigma_t, sigma_s, medium.shape);
     const auto [w, h] = image_size(width, height);
     const std::array<Vec3, 6> camera = camera_rays(rays, w, h);
-    const std::vector<exact::Term> sum = terms_of(terms);
-    require_sampling(directions, replicates, radius);
+    const EquationReader read(equation, terms, radius, medium);
+    const exact::Sampling sampling =
+        sampling_of(directions, replicates, seed, clamp, threads, control);
     if (points < 1) fail("points is " + std::to_string(points) + "; expected 1 or more");
-    const exact::Sampling sampling{
-        radius, std::size_t(directions), std::size_t(replicates), seed, clamp, threads, control};
-    auto [radiance, radiance_array] = output({h, w, 3});
-    auto [error, error_array] = output({h, w, 3});
+    const Outputs outputs({h, w});
     {
         const nb::gil_scoped_release release;
-        exact::image(map, grid, planes(sigma_t), planes(sigma_s),
-                     emission ? planes(*emission) : Bricks::Planes{}, sum, {camera.data(), w, h},
-                     std::size_t(points), sampling, radiance, error);
+        exact::image(medium, read.equation(), bool(emission), {camera.data(), w, h},
+                     std::size_t(points), sampling, outputs.results);
     }
-    return nb::make_tuple(radiance_array, error_array);
+    return outputs.tuple;
+}
+
+nb::dict plain() {
+    nb::dict equation;
+    equation["kind"] = "gather";
+    return equation;
 }
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
@@ -163,39 +233,48 @@ origins, directions: float64 [n, 3], world; directions are unit vectors. The dep
 medium's border (one voxel beyond the border voxels) or to `radius` world units.
 Returns float64 [n, c].)");
     module.def("exact_in_scattered", &exact_in_scattered, "sigma_t"_a.noconvert(),
-               "index_to_world"_a, "points"_a, "terms"_a, nb::kw_only(), "radius"_a = infinity,
-               "directions"_a = 1024, "replicates"_a = 8, "seed"_a = 0, "clamp"_a = false,
-               "threads"_a = 0, "control"_a = nb::none(),
+               "index_to_world"_a, "points"_a, "terms"_a, nb::kw_only(),
+               "sigma_s"_a.noconvert().none() = nb::none(),
+               "emission"_a.noconvert().none() = nb::none(), "equation"_a = plain(),
+               "radius"_a = infinity, "directions"_a = 1024, "replicates"_a = 8, "seed"_a = 0,
+               "clamp"_a = false, "threads"_a = 0, "control"_a = nb::none(),
                R"(In-scattered radiance at points, from the equation itself:
 
-    L_i(x) = sum_terms (1 / Omega) int_lobe L(w) exp(-od(x, x + radius w)) dw
+    gather:     L_i(x) = sum_terms (1 / Omega) int_lobe L(w) exp(-od(x, x + radius w)) dw
+    scattered:  L_i(x) = sum_terms L V, V(x) = (1 / Omega) int_lobe [T + int T sigma_s V ds] dw
 
 sigma_t: float32 [c, nx, ny, nz], c = 1 or 3. points: float64 [n, 3], world.
-terms: a list of (axis, local, cos_theta, radiance). The lobe is the cone of half angle
-acos(cos_theta) (-1: the whole sphere, 1: the axis alone) about `axis`, or, when `local`, about the
-direction from x to the world point `axis`. radiance: float64 [k, 3], k = 1, 4, 9 or 16, real
-orthonormal spherical harmonics of L(w) over outward world directions at index l (l + 1) + m,
-without the Condon-Shortley sign; for k = 1, L = radiance / sqrt(4 pi).
-directions: rays per point and term in all, shared among `replicates` independent randomisations
-of a low-discrepancy set. clamp: values below 0 become 0 (after averaging).
-Returns value and its standard error, float64 [n, 3] each. A point's result depends on its index,
-the seed and nothing else of the call's order.)");
+terms: a list of (axis, toward, cos_theta, radiance). The lobe is the cone of half angle
+acos(cos_theta) (-1: the whole sphere, 1: the axis alone) about the direction `axis`, or, toward a
+'point' or a 'lamp', about the direction from x to the world point `axis`. radiance: float64 [k, 3],
+k = 1, 4, 9 or 16, real orthonormal spherical harmonics of L(w) over outward world directions at
+index l (l + 1) + m, without the Condon-Shortley sign; for k = 1, L = radiance / sqrt(4 pi). A
+lamp's L is that at distance 1, it falls off with the squared distance, and rays toward it end where
+they are nearest to it.
+equation: {'kind': 'gather'} or {'kind': 'scattered'}, which needs sigma_s.
+directions: rays or random walks per point and term in all, shared among `replicates` independent
+randomisations. clamp: values below 0 become 0 (after averaging).
+Returns value and its standard error, float64 [n, 3] each, and float64 [n], the share of the walks'
+weight that was given up after 16384 collisions. A point's result depends on its index, the seed
+and nothing else of the call's order.)");
     module.def("exact_image", &exact_image, "sigma_t"_a.noconvert(), "sigma_s"_a.noconvert(),
                "emission"_a.noconvert().none(), "index_to_world"_a, "terms"_a, "rays"_a, "width"_a,
-               "height"_a, nb::kw_only(), "radius"_a = infinity, "points"_a = 8,
-               "directions"_a = 64, "replicates"_a = 8, "seed"_a = 0, "clamp"_a = false,
-               "threads"_a = 0, "control"_a = nb::none(),
+               "height"_a, nb::kw_only(), "equation"_a = plain(), "radius"_a = infinity,
+               "points"_a = 8, "directions"_a = 64, "replicates"_a = 8, "seed"_a = 0,
+               "clamp"_a = false, "threads"_a = 0, "control"_a = nb::none(),
                R"(Image of a model's exact solution, the mean over each pixel's area of
 
     L = int tau (sigma_s L_i + emission) ds
 
-with L_i and `terms` as in exact_in_scattered, without background.
+with L_i, `terms` and `equation` as in exact_in_scattered, without background.
 sigma_t, sigma_s: float32 [1 or 3, nx, ny, nz]; sigma_s may not exceed sigma_t. emission: None or
-float32 [3, nx, ny, nz], radiance per length (sigma_a L_e).
+float32 [1 or 3, nx, ny, nz], radiance per length (sigma_a L_e).
 rays: float64 [6, 3]: the ray through image position (u, v) starts at rays[0] + u rays[1] +
 v rays[2] toward rays[3] + u rays[4] + v rays[5]. Pixel (x, y) covers [x, x + 1] x [y, y + 1]; row 0
 is the top.
 Per pixel: `replicates` independent estimates of `points` rays with one point of collision each, and
-`directions` rays per term from there; clamp: L_i below 0 becomes 0 at each point, before averaging.
-Returns radiance and its standard error, float64 [height, width, 3] each.)");
+`directions` rays or walks per term from there; clamp: L_i below 0 becomes 0 at each point, before
+averaging.
+Returns radiance and its standard error, float64 [height, width, 3] each, and the neglected share
+[height, width] as in exact_in_scattered.)");
 }

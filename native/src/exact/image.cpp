@@ -2,27 +2,12 @@
 //     int tau(s) (sigma_s L_i + emission) ds,
 // the scattering by points chosen in proportion to collision probability, the emission by one
 // stratified sample per cell and unit of optical depth.
-#include <limits>
-#include <optional>
-
-#include "visibility.h"
+#include "estimator.h"
 #include "volillum/parallel.h"
 
 namespace volillum::exact {
 
 namespace {
-
-struct Body {
-    Extinction extinction;
-    Field sigma_s;
-    std::optional<Field> emission;
-
-    Body(const Lattice &lattice, const Size3 &shape, const Planes &t, const Planes &s,
-         const Planes &e)
-        : extinction(lattice, shape, t, e), sigma_s(Extinction::load(extinction.bricks, s)) {
-        if (e.channels > 0) emission.emplace(Extinction::load(extinction.bricks, e));
-    }
-};
 
 template <std::size_t Channels>
 VOLILLUM_INLINE double absorbed(const Depth<Channels> &depth) {
@@ -43,15 +28,15 @@ VOLILLUM_INLINE Depth<Channels> deeper(const Field &sigma_t, const LatticeRay &r
 
 // Depth of the whole ray; adds the emission that it sees, sampled at `jitter` of each stratum.
 template <std::size_t Channels>
-VOLILLUM_INLINE Depth<Channels> cross(const Body &body, const LatticeRay &ray, double jitter,
-                                      Vec3 &emitted) {
+VOLILLUM_INLINE Depth<Channels> cross(const Body &body, const Field *emission,
+                                      const LatticeRay &ray, double jitter, Vec3 &emitted) {
     Depth<Channels> depth{};
     walk_cells(
-        body.extinction.bricks, ray, std::numeric_limits<double>::infinity(),
+        body.bricks, ray, std::numeric_limits<double>::infinity(),
         [&](const Cell &cell, double t0, double t1) {
-            const Field &sigma_t = body.extinction.field;
+            const Field &sigma_t = body.sigma_t;
             const auto after = deeper<Channels>(sigma_t, ray, cell, depth, t0, t1);
-            if (body.emission) {
+            if (emission != nullptr) {
                 double gain = 0.0;
                 for (std::size_t c = 0; c < Channels; ++c)
                     gain = std::max(gain, after[c] - depth[c]);
@@ -61,8 +46,7 @@ VOLILLUM_INLINE Depth<Channels> cross(const Body &body, const LatticeRay &ray, d
                 for (double i = 0.0; i < strata && !is_opaque<Channels>(reached); ++i) {
                     const double begin = t0 + i * step, t = begin + jitter * step;
                     const auto here = deeper<Channels>(sigma_t, ray, cell, reached, begin, t);
-                    Vec3 source;
-                    body.emission->interpolate(cell, ray.at(t), source.data());
+                    const Vec3 source = colour_at(*emission, cell, ray.at(t));
                     for (std::size_t c = 0; c < 3; ++c)
                         emitted[c] += step * source[c] * std::exp(-here[channel_of<Channels>(c)]);
                     reached = deeper<Channels>(sigma_t, ray, cell, reached, begin, begin + step);
@@ -74,7 +58,7 @@ VOLILLUM_INLINE Depth<Channels> cross(const Body &body, const LatticeRay &ray, d
     return depth;
 }
 
-struct Collision {
+struct Scattering {
     double t = 0.0;
     Vec3 weight{};  // of sigma_s L_i: transmittance over the density of the choice, times sigma_s
 };
@@ -83,13 +67,13 @@ struct Collision {
 // `xi` of `total` = F(infinity). Its density is sum_c sigma_c tau_c / total, so that the weight
 // sigma_s tau / density of any channel stays below total max(sigma_s / sigma_t).
 template <std::size_t Channels>
-VOLILLUM_INLINE Collision collide(const Body &body, const LatticeRay &ray, double xi,
-                                  double total) {
-    const Field &sigma_t = body.extinction.field;
+VOLILLUM_INLINE Scattering collide(const Body &body, const LatticeRay &ray, double xi,
+                                   double total) {
+    const Field &sigma_t = body.sigma_t;
     const double target = xi * total;
     Depth<Channels> depth{};
-    Collision collision;
-    walk_cells(body.extinction.bricks, ray, std::numeric_limits<double>::infinity(),
+    Scattering collision;
+    walk_cells(body.bricks, ray, std::numeric_limits<double>::infinity(),
                [&](const Cell &cell, double t0, double t1) {
                    const auto after = deeper<Channels>(sigma_t, ray, cell, depth, t0, t1);
                    if (absorbed<Channels>(after) < target && !is_opaque<Channels>(after)) {
@@ -118,10 +102,9 @@ VOLILLUM_INLINE Collision collide(const Body &body, const LatticeRay &ray, doubl
                    }
                    collision.t = t;
                    if (!(density > 0.0)) return false;
-                   std::array<double, 3> scattering;
-                   body.sigma_s.interpolate(cell, ray.at(t), scattering.data());
+                   const Vec3 scattering = colour_at(*body.sigma_s, cell, ray.at(t));
                    for (std::size_t c = 0; c < 3; ++c)
-                       collision.weight[c] = scattering[body.sigma_s.channels() == 1 ? 0 : c] *
+                       collision.weight[c] = scattering[c] *
                                              std::exp(-here[channel_of<Channels>(c)]) / density *
                                              total;
                    return false;
@@ -129,76 +112,86 @@ VOLILLUM_INLINE Collision collide(const Body &body, const LatticeRay &ray, doubl
     return collision;
 }
 
+// The random ray through pixel (x, y) of point i: the emission that it sees and where it scatters.
+struct Draw {
+    Vec3 emitted{}, origin, direction;
+    Scattering scattering;
+};
+
 template <std::size_t Channels>
-VOLILLUM_INLINE Vec3 pixel_estimate(const Body &body, const std::vector<Lobe> &lobes,
-                                    const Image &view, std::size_t x, std::size_t y,
-                                    std::size_t points, const Sampling &sampling,
-                                    std::uint64_t key) {
-    const RotatedLattice area(hash(key, 0));
-    const double shift = uniform(hash(key, 1)), jitter = uniform(hash(key, 2));
-    Vec3 sum{};
-    for (std::size_t i = 0; i < points; ++i) {
-        const double u = double(x) + area.u(i), v = double(y) + area.v(i);
-        const Vec3 origin = view.rays[0] + u * view.rays[1] + v * view.rays[2];
-        Vec3 direction = view.rays[3] + u * view.rays[4] + v * view.rays[5];
-        direction = (1.0 / length(direction)) * direction;
-        const LatticeRay ray{body.extinction.lattice.point(origin),
-                             body.extinction.lattice.vector(direction)};
-        const double stratum = double(i) / double(points);
-        Vec3 radiance{};
-        const double total =
-            absorbed<Channels>(cross<Channels>(body, ray, fraction(stratum + jitter), radiance));
-        if (total > 0.0) {
-            const Collision collision =
-                collide<Channels>(body, ray, fraction(stratum + shift), total);
-            const Vec3 in_scattered = estimate_in_scattered<Channels>(
-                body.extinction, lobes, origin + collision.t * direction, sampling.radius,
-                sampling.directions, i * sampling.directions, hash(key, 3));
-            for (std::size_t c = 0; c < 3; ++c)
-                radiance[c] += collision.weight[c] *
-                               (sampling.clamp ? std::max(0.0, in_scattered[c]) : in_scattered[c]);
-        }
-        sum = sum + radiance;
-    }
-    return (1.0 / double(points)) * sum;
+VOLILLUM_INLINE Draw draw(const Body &body, const Field *emission, const Image &view,
+                          const Vec3 &position, double jitter, double xi) {
+    const double u = position[0], v = position[1];
+    Draw result;
+    result.origin = view.rays[0] + u * view.rays[1] + v * view.rays[2];
+    const Vec3 direction = view.rays[3] + u * view.rays[4] + v * view.rays[5];
+    result.direction = (1.0 / length(direction)) * direction;
+    const LatticeRay ray = body.ray(result.origin, result.direction);
+    const double total =
+        absorbed<Channels>(cross<Channels>(body, emission, ray, jitter, result.emitted));
+    if (total > 0.0) result.scattering = collide<Channels>(body, ray, xi, total);
+    return result;
 }
 
-[[gnu::flatten]] VOLILLUM_DISPATCH Vec3 estimate_grey(const Body &body,
-                                                      const std::vector<Lobe> &lobes,
-                                                      const Image &view, std::size_t x,
-                                                      std::size_t y, std::size_t points,
-                                                      const Sampling &sampling, std::uint64_t key) {
-    return pixel_estimate<1>(body, lobes, view, x, y, points, sampling, key);
+[[gnu::flatten]] VOLILLUM_DISPATCH Draw draw_grey(const Body &body, const Field *emission,
+                                                  const Image &view, const Vec3 &position,
+                                                  double jitter, double xi) {
+    return draw<1>(body, emission, view, position, jitter, xi);
 }
 
-[[gnu::flatten]] VOLILLUM_DISPATCH Vec3 estimate_rgb(const Body &body,
-                                                     const std::vector<Lobe> &lobes,
-                                                     const Image &view, std::size_t x,
-                                                     std::size_t y, std::size_t points,
-                                                     const Sampling &sampling, std::uint64_t key) {
-    return pixel_estimate<3>(body, lobes, view, x, y, points, sampling, key);
+[[gnu::flatten]] VOLILLUM_DISPATCH Draw draw_rgb(const Body &body, const Field *emission,
+                                                 const Image &view, const Vec3 &position,
+                                                 double jitter, double xi) {
+    return draw<3>(body, emission, view, position, jitter, xi);
 }
 
 }  // namespace
 
-void image(const Lattice &lattice, const Size3 &shape, const Planes &sigma_t, const Planes &sigma_s,
-           const Planes &emission, const std::vector<Term> &terms, const Image &view,
-           std::size_t points, const Sampling &sampling, double *radiance, double *error) {
-    const Body body(lattice, shape, sigma_t, sigma_s, emission);
-    const std::vector<Lobe> lobes(terms.begin(), terms.end());
-    const auto estimate = sigma_t.channels == 1 ? estimate_grey : estimate_rgb;
-    parallel_for(
-        view.width * view.height, sampling.threads, sampling.control, [&](std::size_t pixel, int) {
-            Replicates replicates;
-            const std::uint64_t key = hash(sampling.seed, pixel);
-            for (std::size_t r = 0; r < sampling.replicates; ++r)
-                replicates.add(estimate(body, lobes, view, pixel % view.width, pixel / view.width,
-                                        points, sampling, hash(key, r)));
-            for (std::size_t c = 0; c < 3; ++c) {
-                radiance[3 * pixel + c] = replicates.mean(c);
-                error[3 * pixel + c] = replicates.standard_error(c);
-            }
-        });
+void image(const Medium &medium, const Equation &equation, bool emits, const Image &view,
+           std::size_t points, const Sampling &sampling, const Results &results) {
+    const Body body(medium);
+    const Field *emission = emits && body.emission ? &*body.emission : nullptr;
+    const auto solution = estimator(body, equation);
+    const auto draw_point = body.sigma_t.channels() == 1 ? draw_grey : draw_rgb;
+
+    const auto estimate = [&](std::size_t pixel, std::uint64_t key) {
+        const double x = double(pixel % view.width), y = double(pixel / view.width);
+        const RotatedLattice area(hash(key, 0));
+        const double shift = uniform(hash(key, 1)), jitter = uniform(hash(key, 2));
+        Sample sum;
+        for (std::size_t i = 0; i < points; ++i) {
+            const double stratum = double(i) / double(points);
+            const Draw point = draw_point(body, emission, view, {x + area.u(i), y + area.v(i), 0.0},
+                                          fraction(stratum + jitter), fraction(stratum + shift));
+            sum.radiance = sum.radiance + point.emitted;
+            if (!(largest(point.scattering.weight) > 0.0)) continue;
+            const Sample sample =
+                solution->estimate(point.origin + point.scattering.t * point.direction,
+                                   i * sampling.directions, sampling.directions, hash(key, 3));
+            for (std::size_t c = 0; c < 3; ++c)
+                sum.radiance[c] +=
+                    point.scattering.weight[c] *
+                    (sampling.clamp ? std::max(0.0, sample.radiance[c]) : sample.radiance[c]);
+            sum.neglected += sample.neglected;
+        }
+        return sum;
+    };
+    parallel_for(view.width * view.height, sampling.threads, sampling.control,
+                 [&](std::size_t pixel, int) {
+                     Replicates replicates;
+                     double neglected = 0.0;
+                     const std::uint64_t key = hash(sampling.seed, pixel);
+                     for (std::size_t r = 0; r < sampling.replicates; ++r) {
+                         const Sample sample = estimate(pixel, hash(key, r));
+                         replicates.add((1.0 / double(points)) * sample.radiance);
+                         neglected += sample.neglected;
+                     }
+                     for (std::size_t c = 0; c < 3; ++c) {
+                         results.value[3 * pixel + c] = replicates.mean(c);
+                         results.error[3 * pixel + c] = replicates.standard_error(c);
+                     }
+                     results.neglected[pixel] = neglected / double(points * sampling.replicates);
+                 });
 }
 
 }  // namespace volillum::exact

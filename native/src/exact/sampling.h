@@ -25,6 +25,15 @@ VOLILLUM_INLINE double uniform(std::uint64_t bits) {
     return double(bits >> 11) * 0x1p-53;
 }
 
+// A stream of pseudo-random numbers in [0, 1): splitmix64.
+struct Random {
+    std::uint64_t state;
+
+    VOLILLUM_INLINE double next() { return uniform(mix(state += 0x9e3779b97f4a7c15u)); }
+    // Of an exponential distribution of mean 1; finite, because next() stays below 1.
+    VOLILLUM_INLINE double exponential() { return -std::log1p(-next()); }
+};
+
 VOLILLUM_INLINE double fraction(double x) {
     return x - double(std::int64_t(x));
 }
@@ -32,17 +41,27 @@ VOLILLUM_INLINE double fraction(double x) {
 // Point `i` of the R2 lattice (Roberts 2018: the plastic number's powers) rotated by a uniformly
 // random vector (Cranley and Patterson 1976): each point alone is uniform, so means are unbiased.
 struct RotatedLattice {
-    double shift_u, shift_v;
+    double shift_u, shift_v, shift_w;
 
     VOLILLUM_INLINE explicit RotatedLattice(std::uint64_t key)
-        : shift_u(uniform(hash(key, 0))), shift_v(uniform(hash(key, 1))) {}
+        : shift_u(uniform(hash(key, 0))),
+          shift_v(uniform(hash(key, 1))),
+          shift_w(uniform(hash(key, 2))) {}
     VOLILLUM_INLINE double u(std::size_t i) const {
         return fraction(shift_u + double(i) * 0.7548776662466927600495);
     }
     VOLILLUM_INLINE double v(std::size_t i) const {
         return fraction(shift_v + double(i) * 0.5698402909980532659114);
     }
+    // A third number, by the golden ratio.
+    VOLILLUM_INLINE double w(std::size_t i) const {
+        return fraction(shift_w + double(i) * 0.6180339887498948482046);
+    }
 };
+
+VOLILLUM_INLINE double dot(const Vec3 &a, const Vec3 &b) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
 
 // Two unit vectors that complete `axis` to a frame (Duff et al. 2017).
 struct Frame {

@@ -1,0 +1,101 @@
+"""The exact solution of a whole operator in a scene: rows whose equations have closed forms."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from media import half_space, smooth_random
+
+from volillum_addon.core.camera import Camera
+from volillum_addon.core.errors import InputError
+from volillum_addon.core.lights import DistantLight, EnvironmentLight, PointLight
+from volillum_addon.core.medium import Medium
+from volillum_addon.core.scene import Scene
+from volillum_addon.models.exact import exact, exact_image
+from volillum_addon.models.operator import Operator
+from volillum_addon.models.registry import MODELS
+
+ROW = "row"
+# 8 replicates: |t| of 7 degrees of freedom exceeds 7 in 2e-4 of cases.
+SIGMAS = 7.0
+Register = Callable[[Operator], None]
+
+
+@pytest.fixture
+def row(monkeypatch: pytest.MonkeyPatch) -> Register:
+    """Registers an operator as a model of its own, for every kind of light."""
+
+    def register(operator: Operator) -> None:
+        model = replace(
+            MODELS["directional_occlusion"],
+            id=ROW,
+            operator=lambda _: operator,
+            lights=frozenset({"distant", "point", "spot", "area", "environment"}),
+        )
+        monkeypatch.setitem(MODELS, ROW, model)
+
+    return register
+
+
+def half_angle(degrees: float) -> Operator:
+    return Operator(
+        "cone", "light", "light", math.radians(degrees), order=math.inf, rescatter="lobe"
+    )
+
+
+def with_albedo(medium: Medium, albedo: float) -> Medium:
+    sigma_s = medium.sigma_t.with_values(medium.sigma_t.values * np.float32(albedo))
+    return replace(medium, sigma_s=sigma_s)
+
+
+def test_half_angle_scales_with_its_lights_and_adds_them(row: Register) -> None:
+    """Case D1 under two suns, each by F / (4 pi)."""
+    row(half_angle(30))
+    medium, point = half_space(2.0)
+    suns = (DistantLight((0, 0, 1), (1, 2, 3)), DistantLight((0, 0, 1), (0.5, 0, 0), angle=0.4))
+    scene = Scene(with_albedo(medium, 0.9), suns)
+    found = exact(scene, ROW, point[None], samples=32768)
+    brightness = np.array([1 + 0.5 * 2 / (1 + math.cos(0.2)), 2, 3]) / (4 * math.pi)
+    assert np.all(np.abs(found.value - 0.8069449955 * brightness) < SIGMAS * found.standard_error)
+    assert np.all(found.standard_error < 3e-3 * brightness)
+    assert found.neglected == 0
+
+
+def test_half_angle_of_a_point_light_is_its_fluence_in_a_white_medium(row: Register) -> None:
+    row(half_angle(40))
+    medium = smooth_random((9, 10, 11), seed=3)
+    points = medium.sigma_t.to_world(np.array([[2.0, 3, 4], [6, 5, 5]]))
+    lamp = PointLight((0.4, 0.5, 2.0), (1, 2, 4))
+    found = exact(Scene(medium, (lamp,)), ROW, points, samples=64)
+    truth = np.array([lamp.fluence(point) for point in points]) / (4 * math.pi)
+    np.testing.assert_allclose(found.value, truth, rtol=1e-12)
+    camera = Camera((3, 2, 1), medium.sigma_t.centre)
+    image = exact_image(Scene(medium, (lamp,), camera), ROW, 8, 8, points=2, directions=2)
+    assert image.value.max() > 0
+    assert np.all(np.isfinite(image.value))
+
+
+def test_lights_without_a_direction_are_refused(row: Register) -> None:
+    row(half_angle(30))
+    medium, point = half_space(1.0)
+    with pytest.raises(InputError, match="is environment; expected a distant or a point light"):
+        exact(Scene(medium, (EnvironmentLight(1.0),)), ROW, point[None])
+
+
+def test_more_work_than_is_bounded_is_an_error(row: Register) -> None:
+    """A white half space 1e6 deep: every walk would scatter a million times."""
+    row(half_angle(30))
+    medium, point = half_space(1e6)
+    with pytest.raises(InputError, match="still scatters after 16384 collisions is 1; expected"):
+        exact(Scene(medium, (DistantLight((0, 0, 1), 1.0),)), ROW, point[None], samples=8)
+
+
+def test_an_operator_that_no_evaluator_has_is_refused(row: Register) -> None:
+    row(replace(half_angle(30), rescatter="none", order=2))
+    medium, point = half_space(1.0)
+    with pytest.raises(InputError, match="expected one that the exact evaluator knows"):
+        exact(Scene(medium, (DistantLight((0, 0, 1), 1.0),)), ROW, point[None])
