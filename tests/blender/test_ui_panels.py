@@ -106,6 +106,47 @@ def test_a_running_job_shows_its_progress(
     assert "volillum.compare" in draw(panels.VOLILLUM_PT_compare, scene).operators()
 
 
+def test_lights_that_changed_are_to_be_shown_anew(scene: bpy.types.Scene) -> None:
+    settings = scene.volillum
+    settings.model = "spherical_harmonics"
+    settings.spherical_harmonics.directions = 8
+    bpy.ops.volillum.bake()
+    relights = "The lights have changed: Show bake relights"
+
+    def said() -> str:
+        return " ".join(draw(panels.VOLILLUM_PT_bake, scene).labels())
+
+    sun = next(each for each in scene.objects if each.type == "LIGHT")
+    sun.data.energy *= 2
+    assert relights not in said()  # nothing is shown yet
+    bpy.ops.volillum.show()
+    assert relights not in said()
+    sun.data.energy *= 2
+    assert relights in said()
+    bpy.ops.volillum.show()
+    assert relights not in said()
+    background = next(n for n in scene.world.node_tree.nodes if "Strength" in n.inputs)
+    background.inputs["Strength"].default_value *= 2
+    assert relights in said()
+    bpy.ops.volillum.show()
+    settings.spherical_harmonics.directions = 10
+    bpy.ops.volillum.bake()
+    assert "An older bake is shown" in said()
+
+
+def test_a_narrow_sidebar_wraps_more(scene: bpy.types.Scene) -> None:
+    def summary(width: int) -> list[str]:
+        layout = RecordingLayout()
+        region = SimpleNamespace(width=width)
+        panels.VOLILLUM_PT_model.draw(
+            SimpleNamespace(layout=layout), SimpleNamespace(scene=scene, region=region)
+        )
+        return layout.labels()
+
+    assert len(summary(180)) > len(summary(292)) > len(summary(600))
+    assert " ".join(summary(180)) == " ".join(summary(600))
+
+
 def test_the_recording_layout_notices_wrong_names(scene: bpy.types.Scene) -> None:
     layout = RecordingLayout()
     wrong: list[Callable[[], object]] = [

@@ -8,11 +8,13 @@ from ..core.errors import InputError
 from ..models.illuminate import left_out
 from ..models.model import Model
 from ..models.registry import get
-from . import modal, staleness, work
+from . import modal, staleness, work, wrap
 from .medium_reader import volume_material
 from .outline import outline
 
 CATEGORY = "Volillum"
+# The height of the two buttons that start work, in rows.
+BUTTON_SCALE = 1.4
 
 
 class _Sidebar:
@@ -53,16 +55,17 @@ class VOLILLUM_PT_model(_Sidebar, bpy.types.Panel):
         layout = _column(self.layout)
         settings = context.scene.volillum
         model = get(settings.model)
+        room = wrap.room(context)
         layout.prop(settings, "model", text="")
-        _lines(layout, model.summary)
+        _lines(layout, model.summary, room)
         group = getattr(settings, model.id)
         for parameter in model.parameters:
             layout.prop(group, parameter.name)
-        _left_out(layout, context.scene, model)
+        _left_out(layout, context.scene, model, room)
         header, body = layout.panel("volillum_needs", default_closed=True)
-        header.label(text="What it neglects")
+        header.label(text="What it represents")
         if body is not None:
-            _needs(body, model)
+            _needs(body, model, room)
 
 
 class VOLILLUM_PT_bake(_Sidebar, bpy.types.Panel):
@@ -77,26 +80,16 @@ class VOLILLUM_PT_bake(_Sidebar, bpy.types.Panel):
         settings = scene.volillum
         layout.prop(settings, "directory")
         _progress_or_button(layout, "volillum.bake", "RENDER_STILL")
-        row = layout.row(align=True)
-        row.enabled = bool(settings.baked.path)
-        row.operator("volillum.show", icon="HIDE_OFF").baked = True
-        row.operator("volillum.show", text="Show the volume", icon="VOLUME_DATA").baked = False
         baked = settings.baked
-        if not baked.path:
-            return
-        box = layout.box()
-        how = "found on disk" if baked.found else "baked"
-        box.label(text=f"{get(baked.model).label}, {how}", icon="CHECKMARK")
-        box.label(text=f"{baked.seconds:.2f} s to bake and write", icon="TIME")
-        for note in filter(None, baked.notes.split("\n")):
-            _lines(box, note, "INFO")
-        changes = staleness.changes(scene, work.chosen_volume(scene))
-        if changes:
-            stale = box.column(align=True)
-            stale.alert = True
-            stale.label(text="Stale: bake again", icon="ERROR")
-            for change in changes:
-                _lines(stale, change)
+        row = layout.row(align=True)
+        row.enabled = bool(baked.path)
+        shown = baked.shown is not None
+        row.operator("volillum.show", text="Show bake", icon="HIDE_OFF", depress=shown).baked = True
+        row.operator(
+            "volillum.show", text="Show volume", icon="VOLUME_DATA", depress=not shown
+        ).baked = False
+        if baked.path:
+            _baked(layout.box(), scene, wrap.room(context) - wrap.BOX)
 
 
 class VOLILLUM_PT_compare(_Sidebar, bpy.types.Panel):
@@ -115,14 +108,16 @@ class VOLILLUM_PT_compare(_Sidebar, bpy.types.Panel):
         if not settings.results:
             return
         box = layout.box()
+        room = wrap.room(context) - wrap.BOX
         for result in settings.results:
-            row = box.row()
-            row.label(text=get(result.model).label)
+            entry = box.column(align=True)
+            entry.label(text=get(result.model).label)
             if result.error < 0:
-                _lines(box, result.reason or "not measured", "INFO")
+                _lines(entry, result.reason or "not measured", room, "INFO")
                 continue
-            row.label(text=f"{result.seconds:.2f} s")
-            row.label(text=error_text(result.error, result.noise))
+            row = entry.row()
+            row.label(text=f"{result.seconds:.2f} s", icon="TIME")
+            row.label(text=error_text(result.error, result.noise), icon="DRIVER_DISTANCE")
         box.operator("wm.path_open", text="Open the report", icon="URL").filepath = settings.report
 
 
@@ -139,6 +134,27 @@ def _column(layout: bpy.types.UILayout) -> bpy.types.UILayout:
     return layout.column()
 
 
+def _baked(box: bpy.types.UILayout, scene: bpy.types.Scene, room: float) -> None:
+    """The last bake, and what has changed since it was made or shown."""
+    settings = scene.volillum
+    baked = settings.baked
+    how = "found on disk" if baked.found else f"baked in {baked.seconds:.2f} s"
+    _lines(box, f"{get(baked.model).label}, {how}", room, "CHECKMARK")
+    if baked.model != settings.model:  # or the model's own panel says so
+        for note in filter(None, baked.notes.split("\n")):
+            _lines(box, note, room, "INFO")
+    volume = work.chosen_volume(scene)
+    changes = staleness.changes(scene, volume)
+    if changes:
+        stale = box.column(align=True)
+        stale.alert = True
+        stale.label(text="Stale: bake again", icon="ERROR")
+        for change in changes:
+            _lines(stale, change, room)
+    elif note := staleness.shown_differs(scene, volume):
+        _lines(box, note, room, "LIGHT_SUN")
+
+
 def _progress_or_button(layout: bpy.types.UILayout, operator: str, icon: str) -> None:
     """The button, or how far its job is; other jobs only block it."""
     job = modal.current()
@@ -149,16 +165,19 @@ def _progress_or_button(layout: bpy.types.UILayout, operator: str, icon: str) ->
     if job is None or job.label != label:
         row = layout.row()
         row.enabled = job is None
-        row.scale_y = 1.4
+        row.scale_y = BUTTON_SCALE
         # From a panel's button `invoke` runs: beside the user's work.
         row.operator(operator, icon=icon)
         return
     row = layout.row(align=True)
+    row.scale_y = BUTTON_SCALE
     row.progress(factor=min(max(job.control.fraction, 0.0), 1.0), text=job.progress)
     row.operator("volillum.cancel", text="", icon="X")
 
 
-def _left_out(layout: bpy.types.UILayout, scene: bpy.types.Scene, model: Model) -> None:
+def _left_out(
+    layout: bpy.types.UILayout, scene: bpy.types.Scene, model: Model, room: float
+) -> None:
     """What the model cannot do with this very scene."""
     volume = work.chosen_volume(scene)
     if volume is None:
@@ -167,37 +186,27 @@ def _left_out(layout: bpy.types.UILayout, scene: bpy.types.Scene, model: Model) 
         bare = outline(scene, volume)
         model.check(bare)
     except InputError as error:
-        _lines(layout, str(error), "ERROR")
+        _lines(layout, str(error), room, "ERROR")
         return
     for note in left_out(bare, model.id):
-        _lines(layout, note, "INFO")
+        _lines(layout, note, room, "INFO")
 
 
-def _needs(layout: bpy.types.UILayout, model: Model) -> None:
+def _needs(layout: bpy.types.UILayout, model: Model, room: float) -> None:
     icons = {"represents": "CHECKMARK", "approximates": "REMOVE", "ignores": "X"}
     for need in model.needs:
-        _lines(layout, f"{need.treatment} {need.feature}: {need.reason}", icons[need.treatment])
+        text = f"{need.treatment} {need.feature}: {need.reason}"
+        _lines(layout, text, room, icons[need.treatment])
 
 
-# Characters that fit into a sidebar of Blender's default width.
-LINE_LENGTH = 42
-
-
-def _lines(layout: bpy.types.UILayout, text: str, icon: str = "NONE") -> None:
-    """Text over as many lines as it needs: Blender's labels do not wrap."""
+def _lines(layout: bpy.types.UILayout, text: str, room: float, icon: str = "NONE") -> None:
+    """Text over as many lines as it needs; `room` in pixels, of which an icon takes its part."""
     column = layout.column(align=True)
     column.scale_y = 0.8
-    line = ""
-    lines = []
-    for word in text.split():
-        if line and len(line) + 1 + len(word) > LINE_LENGTH:
-            lines.append(line)
-            line = word
-        else:
-            line = f"{line} {word}".strip()
-    for index, each in enumerate([*lines, line]):
-        shown = icon if index == 0 else "NONE" if icon == "NONE" else "BLANK1"
-        column.label(text=each, icon=shown)
+    below = "NONE" if icon == "NONE" else "BLANK1"
+    pixels = room if icon == "NONE" else room - wrap.ICON
+    for index, line in enumerate(wrap.lines(text, pixels)):
+        column.label(text=line, icon=below if index else icon)
 
 
 CLASSES = (VOLILLUM_PT_volume, VOLILLUM_PT_model, VOLILLUM_PT_bake, VOLILLUM_PT_compare)

@@ -29,28 +29,49 @@ def _grids(settings: Any, _context: bpy.types.Context, text: str) -> list[str]:
         return []  # Bake says what is wrong with the file; a list of suggestions need not.
 
 
+def _still(kind: Any, name: str, description: str = "", **arguments: Any) -> Any:
+    """A property without key frames: a change of frame would not bake anything anew."""
+    arguments.setdefault("options", set())
+    return kind(name=name, description=description, **arguments)
+
+
+def _text(name: str, description: str = "", **arguments: Any) -> Any:
+    return _still(bpy.props.StringProperty, name, description, **arguments)
+
+
+def _number(name: str, description: str = "", **arguments: Any) -> Any:
+    return _still(bpy.props.FloatProperty, name, description, **arguments)
+
+
+def _model(description: str = "") -> Any:
+    return _still(bpy.props.EnumProperty, "Model", description, items=parameters.items())
+
+
+# What has not been measured.
+NOT_MEASURED = -1.0
+
+
 class Baked(bpy.types.PropertyGroup):
     """The last bake of a scene."""
 
-    path: bpy.props.StringProperty(name="File", subtype="FILE_PATH", options=set())
-    model: bpy.props.EnumProperty(name="Model", items=parameters.items(), options=set())
-    seconds: bpy.props.FloatProperty(name="Seconds", unit="TIME_ABSOLUTE", options=set())
-    found: bpy.props.BoolProperty(name="Found on disk", options=set())
-    notes: bpy.props.StringProperty(name="Left out", options=set())
-    source: bpy.props.StringProperty(
-        name="Source", description="What the volume looked like when it was baked", options=set()
-    )
+    path: _text("File", subtype="FILE_PATH")
+    model: _model()
+    seconds: _number("Seconds", unit="TIME_ABSOLUTE")
+    found: _still(bpy.props.BoolProperty, "Found on disk")
+    notes: _text("Left out")
+    source: _text("Source", "What the volume looked like when it was baked")
     shown: bpy.props.PointerProperty(name="Shown as", type=bpy.types.Object)
+    lighting: _text("Lighting", "What the lights looked like when the bake was shown")
 
 
 class Result(bpy.types.PropertyGroup):
-    """One model's line of the last comparison; a negative error or time was not measured."""
+    """One model's line of the last comparison."""
 
-    model: bpy.props.EnumProperty(name="Model", items=parameters.items(), options=set())
-    seconds: bpy.props.FloatProperty(name="Seconds", default=-1, options=set())
-    error: bpy.props.FloatProperty(name="Total error", default=-1, options=set())
-    noise: bpy.props.FloatProperty(name="Noise of the error", default=-1, options=set())
-    reason: bpy.props.StringProperty(name="Why not", options=set())
+    model: _model()
+    seconds: _number("Seconds", default=NOT_MEASURED)
+    error: _number("Total error", default=NOT_MEASURED)
+    noise: _number("Noise of the error", default=NOT_MEASURED)
+    reason: _text("Why not")
 
 
 class Settings(bpy.types.PropertyGroup):
@@ -62,78 +83,70 @@ class Settings(bpy.types.PropertyGroup):
         type=bpy.types.Object,
         poll=_is_volume,
     )
-    density_grid: bpy.props.StringProperty(
-        name="Density grid",
-        description="The grid of the file that is the density; empty: `density`, or the only grid",
+    density_grid: _text(
+        "Density grid",
+        "The grid of the file that is the density; empty: `density`, or the only grid",
         search=_grids,
-        options=set(),
     )
-    density_scale: bpy.props.FloatProperty(
-        name="Density scale",
-        description="Extinction for density 1, per world unit, of a volume without a material",
+    density_scale: _number(
+        "Density scale",
+        "Extinction for density 1, per world unit, of a volume without a material",
         default=1,
         min=0,
         soft_max=100,
-        options=set(),
     )
-    albedo: bpy.props.FloatVectorProperty(
-        name="Albedo",
-        description="The share of light that scatters on, of a volume without a material",
+    albedo: _still(
+        bpy.props.FloatVectorProperty,
+        "Albedo",
+        "The share of light that scatters on, of a volume without a material",
         subtype="COLOR",
         size=3,
         min=0,
         max=1,
         default=(0.9, 0.9, 0.9),
-        options=set(),
     )
-    model: bpy.props.EnumProperty(
-        name="Model",
-        description="How light finds its way through the volume",
-        items=parameters.items(),
-        options=set(),
-    )
-    directory: bpy.props.StringProperty(
-        name="Output",
-        description="Where bakes and reports go",
+    model: _model("How light finds its way through the volume")
+    directory: _text(
+        "Output",
+        "Where bakes and reports go",
         subtype="DIR_PATH",
         default="//volillum",
         options={"PATH_SUPPORTS_BLEND_RELATIVE"},
     )
-    compare_all: bpy.props.BoolProperty(
-        name="All models",
-        description="Compare every model, each with its own parameters, and not only this one",
+    compare_all: _still(
+        bpy.props.BoolProperty,
+        "All models",
+        "Compare every model, each with its own parameters, and not only this one",
         default=True,
-        options=set(),
     )
-    noise: bpy.props.FloatProperty(
-        name="Noise",
-        description="Render references until their noise is below this",
+    noise: _number(
+        "Noise",
+        "Render references until their noise is below this",
         subtype="PERCENTAGE",
         default=2,
         min=0.01,
         max=100,
-        options=set(),
     )
-    budget: bpy.props.FloatProperty(
-        name="Time limit",
-        description="Stop rendering references after this long, whatever their noise",
+    budget: _number(
+        "Time limit",
+        "Stop rendering references after this long, whatever their noise",
         unit="TIME_ABSOLUTE",
         default=120,
         min=1,
         soft_max=3600,
-        options=set(),
     )
-    width: bpy.props.IntProperty(
-        name="Width",
-        description="Pixels across of the compared images; the height follows the scene's shape",
+    width: _still(
+        bpy.props.IntProperty,
+        "Width",
+        "Pixels across of the compared images; the height follows the scene's shape",
+        subtype="PIXEL",
         default=128,
         min=8,
         soft_max=1024,
-        options=set(),
     )
     baked: bpy.props.PointerProperty(type=Baked)
     results: bpy.props.CollectionProperty(type=Result)
-    report: bpy.props.StringProperty(name="Report", subtype="FILE_PATH", options=set())
+    report: _text("Report", subtype="FILE_PATH")
 
 
 # Each model's group is a property named by the model's id.

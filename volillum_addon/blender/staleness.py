@@ -62,6 +62,47 @@ def changes(scene: bpy.types.Scene, volume: bpy.types.Object | None) -> tuple[st
     )
 
 
+def lighting(scene: bpy.types.Scene, volume: bpy.types.Object | None, model: Model) -> str:
+    """What a shown bake's brightness and colours come from, as a digest: the lights as they are,
+    of a world's image its name and strength. Empty where the scene cannot be read."""
+    if volume is None:
+        return ""
+    try:
+        bare = outline(scene, volume)
+    except InputError:
+        return ""
+    return _digest([PARTS["light"](bare, model), *_world(scene.world)])
+
+
+def shown_differs(scene: bpy.types.Scene, volume: bpy.types.Object | None) -> str:
+    """What Show would change about the bake that is shown, in plain words; empty for nothing."""
+    baked = scene.volillum.baked
+    if baked.shown is None:
+        return ""
+    if bpy.path.abspath(baked.shown.data.filepath) != bpy.path.abspath(baked.path):
+        return "An older bake is shown: Show bake shows the new one"
+    if baked.lighting != lighting(scene, volume, get(baked.model)):
+        return "The lights have changed: Show bake relights"
+    return ""
+
+
+def _world(world: bpy.types.World | None) -> list[Any]:
+    """The constants and images of a world's nodes."""
+    if world is None or world.node_tree is None:
+        return []
+    found: list[Any] = []
+    for node in world.node_tree.nodes:
+        image = getattr(node, "image", None)
+        found.append(image.name if image is not None else "")
+        found += [str(_plain(socket)) for socket in node.inputs if hasattr(socket, "default_value")]
+    return found
+
+
+def _plain(socket: bpy.types.NodeSocket) -> Any:
+    value = socket.default_value
+    return value if isinstance(value, float | int | str) else list(value)
+
+
 def _parameters(before: Mapping[str, Any], now: Mapping[str, Value]) -> list[str]:
     """Parameters are stored as they were given: the same number reads as the same value."""
     return [

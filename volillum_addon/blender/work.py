@@ -13,7 +13,7 @@ from ..bake.run import Baked, bake_file
 from ..core.control import Control
 from ..core.errors import InputError
 from ..models.model import Value
-from ..models.registry import models
+from ..models.registry import get, models
 from . import scene_presets, staleness
 from .display import show_bake
 from .medium_reader import MediumSettings
@@ -78,6 +78,7 @@ def show(scene: bpy.types.Scene, path: Path) -> bpy.types.Object:
     if before is not None and before != shown:
         discard(before)
     settings.baked.shown = shown
+    settings.baked.lighting = staleness.lighting(scene, volume, get(settings.baked.model))
     if volume is not None:
         settings.volume = volume
         volume.hide_render = volume.hide_viewport = True
