@@ -174,12 +174,13 @@ def exact(
     """The image of the model's exact solution; `clamped` False leaves out the clamp at 0."""
     options = bench.options
     quality = {"points": options.points, "directions": options.directions, "seed": options.seed}
-    # Where the model has no clamp, the image without it is the same one and is found again.
-    clamped = clamped or not model.operator(values).clamped
+    # Where the model has no clamp, the image without it is the same one and is found again; so is
+    # that of another algorithm or another cost for the same equation.
+    operator = model.operator(values)
+    clamped = clamped or not operator.clamped
     path = bench.part(
-        "exact", model=model.id, values={k: str(v) for k, v in values.items()}, clamped=clamped,
-        **quality,
-    )  # fmt: skip
+        "exact", operator=repr(operator), lights=sorted(model.lights), clamped=clamped, **quality
+    )
     held = load(path)
     if held is None:
         image = image_of(

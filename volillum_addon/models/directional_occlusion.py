@@ -29,6 +29,7 @@ from ..core.scene import Scene
 from .engines import channels_of, sweep
 from .model import Model, Need, Values
 from .operator import Operator, brightness
+from .published import SLICES, blurred_slices, is_published
 from .settings import CONE_DIRECTIONS, CONE_LADDER, NEAR_SLICES, cone_theta
 from .volume import Factor, RadianceTerm
 
@@ -51,6 +52,10 @@ def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
     camera = scene.need_camera()
     theta, count, near = float(values["theta"]), int(values["directions"]), int(values["near"])
     sigma_t = scene.medium.sigma_t
+    if is_published(values):
+        eye = None if camera.orthographic else camera.eye
+        planes = blurred_slices(scene.medium, -camera.forward, values, control, eye)
+        return {"visibility": channels_of(sigma_t, planes, "visibility")}
     if camera.orthographic:
         vectors, weights = cone_rule(theta, count)
         planes = sweep(sigma_t, about(vectors, -camera.forward), weights[:, None], near, control)
@@ -114,7 +119,7 @@ MODEL = Model(
     "Model for Interactive Direct Volume Rendering, EuroVis 2009",
     equation="6, 7",
     summary="Light from a cone around the eye: soft ambient shadows that follow the camera.",
-    parameters=(cone_theta(math.radians(30)), CONE_DIRECTIONS, NEAR_SLICES),
+    parameters=(cone_theta(math.radians(30)), CONE_DIRECTIONS, NEAR_SLICES, *SLICES),
     needs=(
         Need("light direction", "ignores", "every light counts as a glow around the eye"),
         Need("light brightness", "approximates", "one constant: the sum of F / (4 pi)"),

@@ -23,6 +23,7 @@ from ..core.scene import Scene
 from .engines import channels_of, sweep
 from .model import Model, Need, Values
 from .operator import Operator
+from .published import SLICES, blurred_slices, is_published
 from .settings import CONE_DIRECTIONS, CONE_LADDER, NEAR_SLICES, cone_theta
 from .volume import Factor, RadianceTerm
 
@@ -39,11 +40,15 @@ def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
     suns = [light for light in scene.lights if isinstance(light, DistantLight)]
     channels = {}
     for index, sun in enumerate(suns):
+        toward = np.asarray(sun.direction)
         with control.stage(index / len(suns), (index + 1) / len(suns), f"light {index + 1}"):
-            directions = about(vectors, np.asarray(sun.direction))
-            planes = sweep(sigma_t, directions, weights[:, None], int(values["near"]), control)
+            if is_published(values):
+                planes = blurred_slices(scene.medium, toward, values, control)
+            else:
+                directions, near = about(vectors, toward), int(values["near"])
+                planes = sweep(sigma_t, directions, weights[:, None], near, control)[:, 0]
         name = f"visibility_{index}"
-        channels[name] = channels_of(sigma_t, planes[:, 0], name)
+        channels[name] = channels_of(sigma_t, planes, name)
     return channels
 
 
@@ -63,7 +68,7 @@ MODEL = Model(
     "Direct Volume Rendering, Computer Graphics Forum 29(3), 2010",
     equation="6 with 5",
     summary="Soft shadows from a cone around each sun, independent of the camera.",
-    parameters=(cone_theta(math.radians(30)), CONE_DIRECTIONS, NEAR_SLICES),
+    parameters=(cone_theta(math.radians(30)), CONE_DIRECTIONS, NEAR_SLICES, *SLICES),
     needs=(
         Need("light size", "approximates", "every sun has the half angle theta"),
         Need("environment light", "ignores", "only lights with one direction"),

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core import harmonics
 from ..core.control import Control
@@ -27,6 +28,7 @@ from ..core.scene import Scene
 from .engines import sweep
 from .model import Model, Need, Parameter, Values
 from .operator import Operator, truncated_radiance
+from .published import ALGORITHM, LOCAL_RADIUS, composed_harmonics, is_published
 from .settings import NEAR_SLICES
 from .volume import Factor, RadianceTerm
 
@@ -54,7 +56,11 @@ def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
     count = harmonics.count(int(values["order"]))
     basis = harmonics.evaluate(vectors)[:, :count] * (4 * math.pi * weights)[:, None]
     sigma_t = scene.medium.sigma_t
-    planes = sweep(sigma_t, vectors, basis, int(values["near"]), control, float(values["radius"]))
+    near, radius = int(values["near"]), float(values["radius"])
+    if is_published(values):
+        planes = composed(sigma_t, vectors, basis, values, control)
+    else:
+        planes = sweep(sigma_t, vectors, basis, near, control, radius)
     channels = {}
     if sigma_t.channels == 3:
         for index in range(count):
@@ -70,6 +76,30 @@ def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
         values_xyz = np.ascontiguousarray(np.moveaxis(pack, 0, -1)) if len(some) > 1 else some[0]
         channels[name] = sigma_t.with_values(values_xyz, name)
     return channels
+
+
+def composed(
+    sigma_t: Grid,
+    vectors: NDArray[np.float64],
+    basis: NDArray[np.float64],
+    values: Values,
+    control: Control,
+) -> NDArray[np.float32]:
+    """V_lm [c, m, i, j, k] as published: local visibility, projected and composed."""
+    step = float(values["local_radius"]) * float(sigma_t.voxel_size.mean())
+    extent = float(np.linalg.norm(np.ptp(sigma_t.corners(), axis=0)))
+    reach = min(float(values["radius"]), extent)
+    step = min(step, reach)
+    with control.stage(0.0, 0.3, "local visibility"):
+        local = sweep(sigma_t, vectors, basis, int(values["near"]), control, step)
+    result = []
+    for index, planes in enumerate(local):
+        begin, end = (0.3 + 0.7 * (index + part) / len(local) for part in (0, 1))
+        with control.stage(begin, end, "composing"):
+            result.append(
+                composed_harmonics(planes, sigma_t, int(values["order"]), step, reach, control)
+            )
+    return np.stack(result)
 
 
 def radiance(lights: tuple[Light, ...], medium: Medium, values: Values) -> tuple[RadianceTerm, ...]:
@@ -113,6 +143,8 @@ MODEL = Model(
             choices=harmonics.WINDOWS,
         ),
         NEAR_SLICES,
+        ALGORITHM,
+        LOCAL_RADIUS,
     ),
     needs=(
         Need("environment light", "approximates", "cut to the bands 0 to order"),
