@@ -9,9 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from media import half_space, smooth_random
+from trilinear import affine
 
 from volillum_addon.core.camera import Camera
 from volillum_addon.core.errors import InputError
+from volillum_addon.core.grid import Grid
 from volillum_addon.core.lights import DistantLight, EnvironmentLight, PointLight
 from volillum_addon.core.medium import Medium
 from volillum_addon.core.scene import Scene
@@ -99,3 +101,61 @@ def test_an_operator_that_no_evaluator_has_is_refused(row: Register) -> None:
     medium, point = half_space(1.0)
     with pytest.raises(InputError, match="expected one that the exact evaluator knows"):
         exact(Scene(medium, (DistantLight((0, 0, 1), 1.0),)), ROW, point[None])
+
+
+def occlusion(law: str, lobe: str = "sphere", **more: float) -> Operator:
+    return Operator(lobe, "none", "constant", law=law, **more)  # type: ignore[arg-type]
+
+
+def homogeneous(sigma: float, albedo: tuple[float, float, float], size: int = 24) -> Medium:
+    grid = Grid(np.full((size,) * 3, sigma, np.float32), np.diag([0.1, 0.1, 0.1, 1.0]))
+    colour = grid.values[..., None] * np.array(albedo, np.float32)
+    return Medium(grid, grid.with_values(colour))
+
+
+@pytest.mark.parametrize("law", ["linear", "bounded"])
+@pytest.mark.parametrize("p", [1.0, 2.0])
+def test_ambient_occlusion_deep_in_a_homogeneous_medium(row: Register, law: str, p: float) -> None:
+    """1 - T + k T albedo, T = sigma R or the opacity of one reference length; without noise."""
+    sigma, radius, length, gain = 1.5, 0.5, 0.2, 0.75
+    albedo = np.array([0.9, 0.5, 0.0])
+    row(occlusion(law, radius=radius, weight_p=p, reference_length=length, gathers_colour=gain))
+    medium = homogeneous(sigma, (0.9, 0.5, 0.0))
+    lights = (DistantLight((0, 0, 1), (1, 2, 3)), EnvironmentLight(0.5))
+    found = exact(Scene(medium, lights), ROW, medium.sigma_t.centre[None], samples=64)
+    depth = sigma * radius if law == "linear" else -math.expm1(-sigma * length)
+    brightness = np.array([1, 2, 3]) / (4 * math.pi) + 0.5
+    np.testing.assert_allclose(
+        found.value[0], brightness * (1 - depth + gain * depth * albedo), rtol=1e-5
+    )
+
+
+def test_hemisphere_looks_away_from_matter(row: Register) -> None:
+    """Extinction linear along a world direction n, oblique lattice: the half space of -n."""
+    where, radius, slope = affine(4), 1.2, np.array([0.2, -0.1, 0.3])
+    index = np.stack(np.meshgrid(*(np.arange(16.0),) * 3, indexing="ij"), axis=-1)
+    place = index @ where[:3, :3].T + where[:3, 3]
+    base = 1 - (place @ slope).min()
+    grid = Grid((base + place @ slope).astype(np.float32), where)
+    row(occlusion("linear", "hemisphere", radius=radius, weight_p=1.0))
+    point = grid.centre
+    found = exact(Scene(Medium(grid, grid), (EnvironmentLight(1.0),)), ROW, point[None], 16384)
+    # Mean cosine 1/2 with -n: sigma R - |slope| / 2 R^2 (3 - p) / (4 - p).
+    depth = (base + point @ slope) * radius - np.linalg.norm(slope) / 3 * radius**2
+    assert np.all(found.standard_error < 1e-3)
+    assert np.all(np.abs(found.value - (1 - depth)) < SIGMAS * found.standard_error + 1e-5)
+
+
+def test_shadow_propagation_is_black_and_white_without_colour(row: Register) -> None:
+    """Grey medium, grey light: lambda alone, exp(-t), per sun; the lobe leaves nothing."""
+    row(
+        Operator(
+            "phong", "light", "light", math.radians(30), 10.0, gathers_colour=1.0,
+            gathers_emission=True, split="luminance", image_emission=True,
+        )
+    )  # fmt: skip
+    medium, point = half_space(0.7)
+    suns = (DistantLight((0, 0, 1), 2.0), DistantLight((0, 0.6, 0.8), 1.0))
+    found = exact(Scene(with_albedo(medium, 0.5), suns), ROW, point[None], samples=64)
+    truth = (2 * math.exp(-0.7) + math.exp(-0.7 / 0.8)) / (4 * math.pi)
+    np.testing.assert_allclose(found.value[0], truth, rtol=1e-5)

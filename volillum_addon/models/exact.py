@@ -5,11 +5,13 @@ What is evaluated for an operator (`native/src/exact/`):
     order 1, law exp                         exact optical depths along random rays of the lobe
     order inf, further scatterings in the    random walks toward the light
     same lobe
+    law linear or bounded                    sums along random rays, each ray exact
+    light gathers colour or glow on its      quadrature to rounding along random rays, hue and
+    way, split or not                        luminance of each
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -20,8 +22,9 @@ from ..core.control import Control
 from ..core.errors import bad
 from ..core.native import native
 from ..core.scene import Scene
+from .equation import native_equation
 from .illuminate import VOID_MARGIN
-from .operator import Operator, gather_terms
+from .operator import gather_terms
 from .registry import get
 
 # Independent randomisations behind every standard error.
@@ -75,7 +78,7 @@ def exact(
             where,
             [t.native() for t in gather_terms(operator, trimmed, chosen.represented(trimmed))],
             sigma_s=medium.sigma_s.planes(),
-            equation=_equation(operator),
+            equation=native_equation(operator, medium),
             radius=operator.radius,
             directions=samples,
             replicates=REPLICATES,
@@ -119,7 +122,7 @@ def exact_image(
             scene.need_camera().rays(width, height),
             width,
             height,
-            equation=_equation(operator),
+            equation=native_equation(operator, medium),
             radius=operator.radius,
             points=points,
             directions=directions,
@@ -129,16 +132,6 @@ def exact_image(
             control=control.native if control else None,
         )
     )
-
-
-def _equation(operator: Operator) -> dict[str, object]:
-    """The operator as the native evaluator takes it, beside the terms."""
-    if operator.law == "exp" and operator.split == "none":
-        if operator.order == 1 and operator.gathers_colour == 0 and not operator.gathers_emission:
-            return {"kind": "gather"}
-        if operator.rescatter == "lobe" and math.isinf(operator.order):
-            return {"kind": "scattered"}
-    raise bad("the operator", operator, "one that the exact evaluator knows (models/exact.py)")
 
 
 def _estimate(

@@ -103,7 +103,7 @@ def gather_terms(
     operator: Operator, scene: Scene, lights: tuple[Light, ...]
 ) -> tuple[GatherTerm, ...]:
     """The operator's lobes in this scene, for the lights that the model represents."""
-    cosine = -1.0 if operator.lobe == "sphere" else math.cos(operator.theta)
+    cosine = math.cos(operator.theta) if operator.lobe in ("cone", "phong") else -1.0
     centre = scene.medium.sigma_t.centre
     if operator.axis == "view":
         camera = scene.need_camera()
@@ -114,6 +114,8 @@ def gather_terms(
     if operator.axis == "light":
         return tuple(_light_term(light, cosine) for light in lights)
     up = np.array([0.0, 0.0, 1.0])
+    if operator.source == "constant":
+        return (GatherTerm(up, "direction", cosine, _constant(brightness(lights, centre))),)
     return (GatherTerm(up, "direction", cosine, truncated_radiance(operator, lights)),)
 
 

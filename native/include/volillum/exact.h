@@ -41,10 +41,23 @@ struct Equation {
         // L_i = sum_terms B V, V(x) = (1 / Omega) int_lobe [T + int T sigma_s V ds] dw: the same
         // lobe at every scattering, of a lamp about the direction to it, up to its nearest point
         scattered,
+        // L_i = L [1 - scale mean_lobe int_0^radius s^(2 - p) m(x + s w) ds dw]: nothing on the way
+        // attenuates. The lobe is the sphere, or the half space about `outward` where that is not 0
+        occluded,
+        // L_i = sum_terms mean_lobe Q(x, w), Q = B T + int T (colour sigma_s B + emission) ds, or
+        // with `split` lambda(B T(x, axis)) mean_lobe gamma(Q): luminance of the axis, hue of the
+        // lobe, which has the weight cos^beta
+        coloured,
     };
     Kind kind = Kind::gather;
     std::vector<Term> terms;
     double radius;  // visibility is cut at this distance, world units; may be infinite
+    // occluded:
+    Planes occluder{}, outward{};  // m: 1 or 3 channels; a world vector, or no channels
+    double weight_p = 2.0, scale = 1.0;
+    // coloured:
+    double beta = 0.0, colour = 1.0;
+    bool gathers_emission = false, split = false;
 };
 
 struct Sampling {

@@ -1,12 +1,10 @@
 #include "volillum/exact.h"
 
 #include <nanobind/stl/optional.h>
-#include <nanobind/stl/string.h>
 
-#include <algorithm>
 #include <limits>
 
-#include "ray_arguments.h"
+#include "equation_reader.h"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -15,49 +13,7 @@ using namespace volillum::bindings;
 
 namespace {
 
-// One of `choices`, by its place among them.
-std::size_t choice(nb::handle value, const std::string &name,
-                   const std::vector<std::string> &choices) {
-    std::string found;
-    std::string expected;
-    if (!nb::try_cast(value, found)) fail(name + " is not a string");
-    for (std::size_t i = 0; i < choices.size(); ++i) {
-        if (found == choices[i]) return i;
-        expected += (i ? ", '" : "'") + choices[i] + "'";
-    }
-    fail(name + " is '" + found + "'; expected one of " + expected);
-}
-
-std::vector<exact::Term> terms_of(const nb::list &list) {
-    std::vector<exact::Term> terms;
-    for (nb::handle item : list) {
-        const std::string name = "terms[" + std::to_string(terms.size()) + "]";
-        nb::tuple fields;
-        if (!nb::try_cast(item, fields) || fields.size() != 4)
-            fail(name + " is not a tuple (axis, toward, cos_theta, radiance)");
-        exact::Term term;
-        term.axis = as_vector(fields[0], name + "'s axis");
-        term.toward = exact::Term::Toward(
-            choice(fields[1], name + "'s toward", {"direction", "point", "lamp"}));
-        if (!nb::try_cast(fields[2], term.cos_theta) ||
-            !(term.cos_theta >= -1.0 && term.cos_theta <= 1.0))
-            fail(name + "'s cos_theta is not a number from -1 to 1");
-        if (term.toward == exact::Term::Toward::direction && term.cos_theta > -1.0 &&
-            !(length(term.axis) > 0.0))
-            fail(name + "'s axis is zero; expected a direction");
-        const DoubleArray radiance = as_doubles(fields[3], name + "'s radiance");
-        const auto shape = shape_of(radiance);
-        if (shape.size() != 2 || shape[1] != 3 ||
-            (shape[0] != 1 && shape[0] != 4 && shape[0] != 9 && shape[0] != 16))
-            fail(name + "'s radiance has shape " + shape_text(shape) +
-                 "; expected (k, 3), k = 1, 4, 9 or 16");
-        for (std::size_t i = 0; i < shape[0]; ++i)
-            term.radiance.push_back(
-                {radiance.data()[3 * i], radiance.data()[3 * i + 1], radiance.data()[3 * i + 2]});
-        terms.push_back(std::move(term));
-    }
-    return terms;
-}
+constexpr double infinity = std::numeric_limits<double>::infinity();
 
 exact::Sampling sampling_of(std::int64_t directions, std::int64_t replicates, std::uint64_t seed,
                             bool clamp, int threads, Control *control) {
@@ -79,37 +35,6 @@ exact::Medium medium_of(const PlanesArray &sigma_t, const std::optional<PlanesAr
             sigma_s ? planes(*sigma_s) : exact::Planes{},
             emission ? planes(*emission) : exact::Planes{}};
 }
-
-// What a dict says of the equation; every key must be known.
-class EquationReader {
-public:
-    EquationReader(const nb::dict &fields, const nb::list &terms, double radius,
-                   const exact::Medium &medium)
-        : fields_(fields) {
-        require_radius(radius);
-        equation_.terms = terms_of(terms);
-        equation_.radius = radius;
-        using Kind = exact::Equation::Kind;
-        equation_.kind = Kind(choice(take("kind"), "equation's kind", {"gather", "scattered"}));
-        if (equation_.kind == Kind::scattered && medium.sigma_s.channels == 0)
-            fail("sigma_s is None; an equation of this kind needs it");
-        for (const auto &[key, value] : fields_)
-            if (std::find(known_.begin(), known_.end(), nb::str(key).c_str()) == known_.end())
-                fail("equation has the unknown key " + std::string(nb::repr(key).c_str()));
-    }
-    const exact::Equation &equation() const { return equation_; }
-
-private:
-    nb::object take(const char *key) {
-        known_.emplace_back(key);
-        if (!fields_.contains(key)) fail(std::string("equation has no key '") + key + "'");
-        return fields_[key];
-    }
-
-    const nb::dict &fields_;
-    std::vector<std::string> known_;
-    exact::Equation equation_;
-};
 
 // Points are chosen where light is extinguished: scattering elsewhere would be missed.
 void require_bounded_albedo(const PlanesArray &sigma_t, const PlanesArray &sigma_s,
@@ -218,8 +143,6 @@ nb::dict plain() {
     return equation;
 }
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
-
 }  // namespace
 
 void bind_exact(nb::module_ &module) {
@@ -242,6 +165,9 @@ Returns float64 [n, c].)");
 
     gather:     L_i(x) = sum_terms (1 / Omega) int_lobe L(w) exp(-od(x, x + radius w)) dw
     scattered:  L_i(x) = sum_terms L V, V(x) = (1 / Omega) int_lobe [T + int T sigma_s V ds] dw
+    occluded:   L_i(x) = L (1 - scale mean_lobe int_0^radius s^(2 - p) occluder(x + s w) ds)
+    coloured:   L_i(x) = sum_terms mean_lobe Q, Q = L T + int T (colour sigma_s L + emission) ds,
+                or with split sum_terms lambda(L T(x, axis)) mean_lobe (Q / lambda(Q))
 
 sigma_t: float32 [c, nx, ny, nz], c = 1 or 3. points: float64 [n, 3], world.
 terms: a list of (axis, toward, cos_theta, radiance). The lobe is the cone of half angle
@@ -251,7 +177,11 @@ k = 1, 4, 9 or 16, real orthonormal spherical harmonics of L(w) over outward wor
 index l (l + 1) + m, without the Condon-Shortley sign; for k = 1, L = radiance / sqrt(4 pi). A
 lamp's L is that at distance 1, it falls off with the squared distance, and rays toward it end where
 they are nearest to it.
-equation: {'kind': 'gather'} or {'kind': 'scattered'}, which needs sigma_s.
+equation: a dict of 'kind', and for occluded 'occluder' (float32 [1 or 3, nx, ny, nz]), 'outward'
+(float32 [3, ...], world vectors: the lobe is the half space about it where it is not 0; or None:
+the sphere), 'weight_p', 'scale'; for coloured 'beta' (the lobe's weight is cos^beta), 'colour',
+'emission' and 'split' (0 or 1). lambda is Rec. 709 luminance; where lambda(Q) < 1e-6 lambda(L), the
+hue is the light's. scattered and coloured need sigma_s.
 directions: rays or random walks per point and term in all, shared among `replicates` independent
 randomisations. clamp: values below 0 become 0 (after averaging).
 Returns value and its standard error, float64 [n, 3] each, and float64 [n], the share of the walks'

@@ -38,14 +38,20 @@ struct Body {
     Lattice lattice;
     Bricks bricks;
     Field sigma_t;
-    std::optional<Field> sigma_s, emission;
+    std::optional<Field> sigma_s, emission, occluder, outward;
 
-    explicit Body(const Medium &medium)
+    explicit Body(const Medium &medium, const Equation &equation = {})
         : lattice(medium.lattice),
-          bricks(medium.shape, {medium.sigma_t, medium.emission}),
+          bricks(medium.shape,
+                 {medium.sigma_t, medium.emission, equation.occluder, equation.outward}),
           sigma_t(load(medium.sigma_t)) {
-        if (medium.sigma_s.channels > 0) sigma_s.emplace(load(medium.sigma_s));
-        if (medium.emission.channels > 0) emission.emplace(load(medium.emission));
+        const auto set = [&](std::optional<Field> &field, const Planes &planes) {
+            if (planes.channels > 0) field.emplace(load(planes));
+        };
+        set(sigma_s, medium.sigma_s);
+        set(emission, medium.emission);
+        set(occluder, equation.occluder);
+        set(outward, equation.outward);
     }
 
     VOLILLUM_INLINE LatticeRay ray(const Vec3 &origin, const Vec3 &direction) const {

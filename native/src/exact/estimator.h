@@ -31,9 +31,12 @@ public:
 // Both hold on to what they are given.
 std::unique_ptr<Estimator> gather(const Body &body, const Equation &equation);
 std::unique_ptr<Estimator> scattered(const Body &body, const Equation &equation);
+std::unique_ptr<Estimator> occluded(const Body &body, const Equation &equation);
+std::unique_ptr<Estimator> coloured(const Body &body, const Equation &equation);
 
 inline std::unique_ptr<Estimator> estimator(const Body &body, const Equation &equation) {
-    return (equation.kind == Equation::Kind::scattered ? scattered : gather)(body, equation);
+    constexpr std::array makers = {gather, scattered, occluded, coloured};  // as in Kind
+    return makers[std::size_t(equation.kind)](body, equation);
 }
 
 }  // namespace volillum::exact

@@ -149,7 +149,7 @@ VOLILLUM_INLINE Draw draw(const Body &body, const Field *emission, const Image &
 
 void image(const Medium &medium, const Equation &equation, bool emits, const Image &view,
            std::size_t points, const Sampling &sampling, const Results &results) {
-    const Body body(medium);
+    const Body body(medium, equation);
     const Field *emission = emits && body.emission ? &*body.emission : nullptr;
     const auto solution = estimator(body, equation);
     const auto draw_point = body.sigma_t.channels() == 1 ? draw_grey : draw_rgb;

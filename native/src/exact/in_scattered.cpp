@@ -5,7 +5,7 @@ namespace volillum::exact {
 
 void in_scattered(const Medium &medium, const Equation &equation, const double *points,
                   std::size_t count, const Sampling &sampling, const Results &results) {
-    const Body body(medium);
+    const Body body(medium, equation);
     const auto solution = estimator(body, equation);
     const std::size_t each = (sampling.directions + sampling.replicates - 1) / sampling.replicates;
     parallel_for(count, sampling.threads, sampling.control, [&](std::size_t n, int) {

@@ -35,8 +35,9 @@ public:
         // At the axis point itself any direction is as right as another.
         return {distance > 0.0 ? Frame((1.0 / distance) * to_axis) : frame_, distance};
     }
-    VOLILLUM_INLINE Vec3 direction(const LobeAt &at, double u, double v) const {
-        return at.frame.cone(term_.cos_theta, u, v);
+    VOLILLUM_INLINE Vec3 direction(const LobeAt &at, double u, double v, double beta = 0.0) const {
+        return beta == 0.0 ? at.frame.cone(term_.cos_theta, u, v)
+                           : at.frame.phong(term_.cos_theta, beta, u, v);
     }
     // How far a ray sees: to where it is nearest to the lamp, and beyond it leads away from it.
     VOLILLUM_INLINE double reach(const LobeAt &at, const Vec3 &direction) const {

@@ -75,7 +75,16 @@ struct Frame {
     }
     // Uniform in solid angle over the cone about z. 1 - cos is kept, not cos: narrow cones.
     VOLILLUM_INLINE Vec3 cone(double cos_theta, double u, double v) const {
-        const double drop = u * (1.0 - cos_theta);
+        return about(u * (1.0 - cos_theta), v);
+    }
+    // In proportion to cos^beta over the cone about z, at most a half space: cos^(beta + 1) is
+    // uniform from cos_theta^(beta + 1) to 1.
+    VOLILLUM_INLINE Vec3 phong(double cos_theta, double beta, double u, double v) const {
+        const double power = beta + 1.0;
+        const double span = std::expm1(power * std::log1p(cos_theta - 1.0));
+        return about(-std::expm1(std::log1p(u * span) / power), v);
+    }
+    VOLILLUM_INLINE Vec3 about(double drop, double v) const {
         const double radial = std::sqrt(drop * (2.0 - drop)), phi = 2.0 * std::numbers::pi * v;
         return (radial * std::cos(phi)) * x + (radial * std::sin(phi)) * y + (1.0 - drop) * z;
     }
