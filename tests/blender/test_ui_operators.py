@@ -92,6 +92,21 @@ def test_show_swaps_the_volume_for_its_bake_and_back(scene: bpy.types.Scene) -> 
     assert [each for each in scene.objects if each.type == "VOLUME"] == [source]
 
 
+def test_show_as_one_grid(scene: bpy.types.Scene) -> None:
+    scene.volillum.as_radiance = True
+    bpy.ops.volillum.bake()
+    for _ in range(2):  # under other lights it is another file
+        bpy.ops.volillum.show()
+        baked = scene.volillum.baked
+        shown = Path(bpy.path.abspath(baked.shown.data.filepath))
+        assert shown.match(f"{Path(baked.path).stem}.radiance.*.vdb")
+        assert staleness.shown_differs(scene, work.chosen_volume(scene)) == ""
+        sun(scene).data.energy *= 2
+        said = staleness.shown_differs(scene, work.chosen_volume(scene))
+        assert said == "The lights have changed: Show bake relights"
+    assert len(list(Path(scene.volillum.directory).glob("*.radiance.*.vdb"))) == 2
+
+
 def test_show_before_bake_is_refused(scene: bpy.types.Scene) -> None:
     assert "expected Bake before Show" in refusal(bpy.ops.volillum.show)
     assert scene.volillum.baked.shown is None

@@ -143,6 +143,25 @@ def test_in_scattered_under_other_lights() -> None:
     np.testing.assert_allclose(second.values, 3 * first.values, rtol=1e-6)
 
 
+def test_radiance_in_one_channel_is_the_same_image() -> None:
+    """Also where the sum of the terms falls below 0 between voxels."""
+    given = volume(
+        (None, (1.0, 0.2, 0.3)),
+        (None, (-1.2, 0.4, -0.3)),
+        (Phase(0.6, direction=TOWARD), (0.3, 0.5, 0.25)),
+        (Phase(0.6, direction=TOWARD), (-0.2, 0.0, 0.25)),
+        (Moment(2), (0.2, 0.1, 0.0)),
+    )
+    stored = given.as_radiance()
+    assert list(stored.channels) == ["radiance", "radiance_1", "radiance_2"]
+    assert all(len(term.factors) == 1 for term in stored.radiance)
+    camera = Camera((4.0, 3.0, 2.0), given.medium.sigma_t.centre, fov=0.5)
+    images = [line_integral(each, camera, 6, 5, 2)[0] for each in (given, stored)]
+    assert images[0].max() > 0.1
+    # Sums of five products in float32, and the clamp's kink at a relative 1e-5.
+    np.testing.assert_allclose(images[1], images[0], rtol=1e-5, atol=2e-6)
+
+
 @pytest.mark.parametrize("g", [-0.5, 0.0, 0.6])
 def test_back_scatter_of_a_slab(g: float) -> None:
     """Light from behind the eye, normal incidence: L = F p(-1) (1 - exp(-2 b)) / 2."""

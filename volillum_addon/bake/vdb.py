@@ -174,18 +174,23 @@ def _described(volume: IlluminationVolume, half: bool) -> dict[str, object]:
         "albedo": _albedo(medium),
         "g": medium.g,
         "channels": list(volume.channels),
-        "radiance": [
-            {"factors": [[f.channel, f.component] for f in term.factors],
-             "weight": [float(w) for w in term.weight],
-             "angular": _angular_entry(term.angular)}
-            for term in volume.radiance
-        ],
+        "radiance": described_radiance(volume),
         "image_emission": volume.image_emission,
         "half": half,
         "seconds": volume.cost.seconds,
         "peak_bytes": volume.cost.peak_bytes,
         "notes": list(volume.notes),
     }  # fmt: skip
+
+
+def described_radiance(volume: IlluminationVolume) -> list[dict[str, object]]:
+    """The radiance terms as JSON values."""
+    return [
+        {"factors": [[f.channel, f.component] for f in term.factors],
+         "weight": [float(w) for w in term.weight],
+         "angular": _angular_entry(term.angular)}
+        for term in volume.radiance
+    ]  # fmt: skip
 
 
 def _albedo(medium: Medium) -> float | list[float] | None:

@@ -21,7 +21,7 @@ from ..core.scene import Scene
 from ..models.illuminate import relight
 from ..models.operator import Operator
 from ..models.volume import IlluminationVolume
-from .display import EEVEE_GRIDS, add_volume, display_material, medium_material
+from .display import EEVEE_GRIDS, add_volume, display_material, displayed, medium_material
 from .light_builder import add_lights
 from .light_reader import light_objects
 from .render import Image, add_camera, clip_range, depth_range, render_image, set_cycles, set_eevee
@@ -76,7 +76,7 @@ class CyclesRenderer:
     def display(self, baked: Path, samples: int = 1, seed: int = 0) -> Image:
         """Cycles' image of a baked file under the scene's lights."""
         with sandbox() as (own, folder):
-            self._add_bake(own, baked, None)
+            self._add_bake(own, baked, None, folder)
             set_cycles(own, samples, seed)
             # Unbiased null scattering makes pure emission noisy and clamps it.
             _march(own)
@@ -86,7 +86,7 @@ class CyclesRenderer:
     def display_eevee(self, baked: Path) -> Image:
         """EEVEE's image of a baked file under the scene's lights."""
         with sandbox() as (own, folder):
-            self._add_bake(own, baked, EEVEE_GRIDS)
+            self._add_bake(own, baked, EEVEE_GRIDS, folder)
             set_eevee(own, depth_range(self.camera, self.scene.medium.sigma_t.corners()))
             return render_image(own, self.width, self.height, folder)[..., :3]
 
@@ -135,9 +135,10 @@ class CyclesRenderer:
     def _clip(self, scene: Scene) -> tuple[float, float]:
         return clip_range(self.camera, scene.medium.sigma_t.corners())
 
-    def _add_bake(self, own: bpy.types.Scene, baked: Path, limit: int | None) -> None:
+    def _add_bake(self, own: bpy.types.Scene, baked: Path, limit: int | None, folder: Path) -> None:
         volume = relight(read_vdb(baked), self.scene.lights)
-        add_volume(own, baked, display_material("display", volume, limit))
+        volume, file = displayed(volume, baked, folder, limit)
+        add_volume(own, file, display_material("display", volume, limit))
         add_camera(own, self.camera, self._clip(self.scene))
         own.world = None
 

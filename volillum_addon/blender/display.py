@@ -13,6 +13,7 @@ from pathlib import Path
 
 import bpy
 
+from ..bake.radiance_file import radiance_file
 from ..bake.vdb import read_vdb
 from ..core.errors import InputError, bad
 from ..models.illuminate import relight
@@ -28,14 +29,20 @@ SIGMA_T, SIGMA_S, EMISSION = "density", "volillum_sigma_s", "volillum_emission"
 
 
 def show_bake(
-    path: Path, scene: bpy.types.Scene, collection: bpy.types.Collection
+    path: Path,
+    scene: bpy.types.Scene,
+    collection: bpy.types.Collection,
+    as_radiance: bool = False,
 ) -> bpy.types.Object:
     """A volume object that shows the bake under the scene's current lights.
 
-    Raises InputError when the file is no bake, or holds more grids than the scene's engine reads.
+    `as_radiance` stores their radiance in a file of its own and shows that; so it is done anyway
+    where the bake has more grids than the scene's engine reads. Raises InputError when the file is
+    no bake, or holds too many grids even so.
     """
     volume = relight(read_vdb(path), read_lights(scene))
     limit = EEVEE_GRIDS if scene.render.engine == "BLENDER_EEVEE" else None
+    volume, path = displayed(volume, path, path.parent, limit, as_radiance)
     material = display_material(path.stem, volume, limit)
     try:
         data = load_volume(path)
@@ -46,6 +53,20 @@ def show_bake(
     shown = bpy.data.objects.new(path.stem, data)
     collection.objects.link(shown)
     return shown
+
+
+def displayed(
+    volume: IlluminationVolume,
+    path: Path,
+    directory: Path,
+    limit: int | None,
+    as_radiance: bool = False,
+) -> tuple[IlluminationVolume, Path]:
+    """What to show of the bake `path`, read and relit as `volume`, and its file: the bake itself,
+    or its stored radiance (written into `directory`) where the bake has more grids than `limit`."""
+    if as_radiance or (limit is not None and len(_grids(volume)) > limit):
+        return volume.as_radiance(), radiance_file(volume, path, directory)
+    return volume, path
 
 
 def display_material(

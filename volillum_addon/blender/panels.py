@@ -88,6 +88,7 @@ class VOLILLUM_PT_bake(_Sidebar, bpy.types.Panel):
         row.operator(
             "volillum.show", text="Show volume", icon="VOLUME_DATA", depress=not shown
         ).baked = False
+        layout.prop(settings, "as_radiance")
         if baked.path:
             _baked(layout.box(), scene, wrap.room(context) - wrap.BOX)
 

@@ -106,6 +106,12 @@ class Settings(bpy.types.PropertyGroup):
         default=(0.9, 0.9, 0.9),
     )
     model: _model("How light finds its way through the volume")
+    as_radiance: _still(
+        bpy.props.BoolProperty,
+        "Show as one grid",
+        "Store the radiance for the lights as they are as one colour grid in a file of its own, "
+        "and show that. EEVEE gets it anyway from bakes of more grids than it reads",
+    )
     directory: _text(
         "Output",
         "Where bakes and reports go",

@@ -16,6 +16,7 @@ from typing import Any
 import bpy
 
 from ..bake.hashing import PARTS
+from ..bake.radiance_file import shows
 from ..bake.vdb import read_metadata
 from ..core.errors import InputError
 from ..models.model import Model, Value
@@ -79,7 +80,8 @@ def shown_differs(scene: bpy.types.Scene, volume: bpy.types.Object | None) -> st
     baked = scene.volillum.baked
     if baked.shown is None:
         return ""
-    if bpy.path.abspath(baked.shown.data.filepath) != bpy.path.abspath(baked.path):
+    shown = Path(bpy.path.abspath(baked.shown.data.filepath))
+    if not shows(shown, Path(bpy.path.abspath(baked.path))):
         return "An older bake is shown: Show bake shows the new one"
     if baked.lighting != lighting(scene, volume, get(baked.model)):
         return "The lights have changed: Show bake relights"

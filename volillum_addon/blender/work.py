@@ -74,7 +74,7 @@ def show(scene: bpy.types.Scene, path: Path) -> bpy.types.Object:
     settings = scene.volillum
     volume = chosen_volume(scene)
     before = settings.baked.shown
-    shown = show_bake(path, scene, scene.collection)
+    shown = show_bake(path, scene, scene.collection, settings.as_radiance)
     if before is not None and before != shown:
         discard(before)
     settings.baked.shown = shown

@@ -67,6 +67,22 @@ class IlluminationVolume:
         """The same channels under other lights."""
         return replace(self, radiance=terms)
 
+    def as_radiance(self) -> IlluminationVolume:
+        """The same radiance under the same lights in one RGB channel, `radiance`, and one more
+        (`radiance_1`, ...) for each dependence on the view.
+
+        Negative sums stay, so that they are still clamped after the interpolation: where every term
+        has one channel nothing changes but rounding. A product of two channels becomes the
+        interpolant of the products, not the product of the interpolants. Other lights need the
+        original channels.
+        """
+        channels, radiance = {}, []
+        for index, angular in enumerate(dict.fromkeys(term.angular for term in self.radiance)):
+            name = f"radiance_{index}" if index else "radiance"
+            channels[name] = self.medium.sigma_t.with_values(self._summed(angular), name)
+            radiance.append(RadianceTerm((Factor(name),), (1.0, 1.0, 1.0), angular))
+        return replace(self, channels=channels, radiance=tuple(radiance))
+
     @property
     def needs_view(self) -> bool:
         """Whether the radiance depends on where the eye is."""
