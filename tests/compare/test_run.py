@@ -1,6 +1,7 @@
 """The whole comparison with a renderer whose truth is known."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
@@ -217,3 +218,21 @@ def test_a_cancelled_comparison_writes_no_report_and_goes_on_later(tmp_path: Pat
     found = compare(patient, MODELS[2:], OPTIONS, tmp_path)
     # Three seeds of the full reference, and all of the single one, were there; the check takes 8.
     assert patient.calls["reference"] == found.full.seeds - 3 + 8
+
+
+def test_the_published_algorithm_takes_part_beside_its_model(tmp_path: Path) -> None:
+    """Both share the equation, so the exact image and the model error are one; the bakes differ."""
+    options = replace(OPTIONS, published=True)
+    found = compare(FakeRenderer(synthetic_scene(), *SIZE), ["multidirectional_occlusion"], options,
+                    tmp_path)  # fmt: skip
+    assert [model.variant for model in found.models] == ["equation", "published"]
+    assert [model.file for model in found.models] == [
+        "multidirectional_occlusion.exr",
+        "multidirectional_occlusion.published.exr",
+    ]
+    (own, equation), (other, published) = found.measured
+    assert other.label == f"{own.label} (published)"
+    assert np.array_equal(equation.images.exact.value, published.images.exact.value)
+    assert len(list((tmp_path / "parts").glob("exact_*.npz"))) == 1
+    worse = published.errors["numerical_field"].relative_rmse
+    assert worse > 2 * equation.errors["numerical_field"].relative_rmse

@@ -36,7 +36,8 @@ class Options:
     `samples` per seed, `noise` and `seconds` end a reference (`seconds` is the full one's budget;
     the others take a quarter); `bounces` None lets bounces.py choose. `repeats` are of every time.
     The exact image takes `points` on a ray with `directions` each, the exact field
-    `voxel_directions` at `voxels` draws of visible voxels.
+    `voxel_directions` at `voxels` draws of visible voxels. `published` sets the published algorithm
+    beside each model that has one.
     """
 
     name: str = "volume"
@@ -51,6 +52,7 @@ class Options:
     voxels: int = 2000
     voxel_directions: int = 2048
     seed: int = 0
+    published: bool = False
 
 
 class NoWitnessError(Exception):

@@ -146,11 +146,10 @@ def _model(tone: Tone, index: int, model: ModelResult, found: Measured) -> str:
         f"<dt>{escape(need.feature)}</dt><dd>{escape(f'{need.treatment}: {need.reason}')}</dd>"
         for need in get(model.id).needs
     )
-    variant = "" if model.variant == "equation" else f" ({model.variant})"
     return (
         '<article class="model"><header>'
         f'<h3><span class="dot series-{index % 7}" aria-hidden="true"></span>'
-        f"{escape(model.label + variant)}</h3>"
+        f"{escape(model.label)}</h3>"
         f"<span><strong>{escape(percent(errors['total']))} %</strong> in "
         f"<strong>{escape(seconds(found.seconds.total))}</strong></span>"
         f'<span class="quiet">bias {escape(bias_percent(errors["total"]))} %; after exposure '

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from ..core.scene import Scene
 from ..models.model import Value
+from ..models.published import EQUATION
 from .bounces import Truncation
 from .errors import ErrorImages
 from .metrics import Agreement, Exposure, Figure, Mask
@@ -71,7 +72,7 @@ class ModelResult:
     @property
     def file(self) -> str:
         """The name of its OpenEXR file."""
-        return f"{self.id}.exr" if self.variant == "equation" else f"{self.id}.{self.variant}.exr"
+        return f"{self.id}.exr" if self.variant == EQUATION else f"{self.id}.{self.variant}.exr"
 
 
 @dataclass(frozen=True, eq=False)

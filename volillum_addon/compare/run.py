@@ -15,6 +15,7 @@ from ..core.control import Control
 from ..core.errors import InputError
 from ..models.illuminate import left_out
 from ..models.model import Model, Value
+from ..models.published import ALGORITHM, EQUATION, PUBLISHED
 from ..models.registry import get
 from . import images, measure, page, report
 from .bounces import Truncation, bounce_limit, truncation
@@ -39,7 +40,17 @@ class Candidate:
 
     model: str
     parameters: Mapping[str, object] = field(default_factory=dict)
-    variant: str = "equation"
+    variant: str = EQUATION
+
+
+def published(entry: Candidate) -> tuple[Candidate, ...]:
+    """The algorithm that the candidate's model was published with, where the model has it."""
+    if not any(parameter.name == ALGORITHM.name for parameter in get(entry.model).parameters):
+        return ()
+    if entry.parameters.get(ALGORITHM.name, EQUATION) == PUBLISHED:
+        return ()
+    parameters = {**entry.parameters, ALGORITHM.name: PUBLISHED}
+    return (Candidate(entry.model, parameters, PUBLISHED),)
 
 
 def compare(
@@ -57,6 +68,8 @@ def compare(
     """
     control = control or Control()
     candidates = [Candidate(entry) if isinstance(entry, str) else entry for entry in models]
+    if options.published:
+        candidates = [each for entry in candidates for each in (entry, *published(entry))]
     chosen = [(get(entry.model), entry) for entry in candidates]
     values = [model.values(entry.parameters) for model, entry in chosen]
     bench = Bench(renderer, options, Path(directory), key_of(renderer.identity()))
@@ -82,7 +95,7 @@ def compare(
         results.append(
             ModelResult(
                 model.id,
-                model.label,
+                model.label if entry.variant == EQUATION else f"{model.label} ({entry.variant})",
                 model.citation,
                 entry.variant,
                 values[index],
