@@ -43,9 +43,9 @@ class FakeRenderer:
         self.calls["reference"] += 1
         return self._noisy(self.truth(bounces), samples, seed)
 
-    def display(self, baked: Path, samples: int, seed: int) -> Pixels:
+    def display(self, baked: Path, samples: int, seed: int, subpixels: int) -> Pixels:
         """The line integral, one part in a thousand too bright."""
-        assert (samples, seed) == (1, 0)
+        assert (samples, seed, subpixels) == (1, 0, 2)
         self.calls["display"] += 1
         volume = baked_volume(self.scene, baked)
         image, _ = line_integral(volume, self.scene.need_camera(), self.width, self.height)

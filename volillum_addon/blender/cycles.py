@@ -73,15 +73,23 @@ class CyclesRenderer:
             _march(own)
             return render_image(own, self.width, self.height, folder)[..., :3]
 
-    def display(self, baked: Path, samples: int = 1, seed: int = 0) -> Image:
-        """Cycles' image of a baked file under the scene's lights."""
+    def display(self, baked: Path, samples: int = 1, seed: int = 0, subpixels: int = 1) -> Image:
+        """Cycles' image of a baked file under the scene's lights.
+
+        Detail smaller than a pixel needs several rays. Cycles puts a single sample at the pixel's
+        middle and several at random. A render of `subpixels` times the size, averaged down, is a
+        midpoint rule, far better for as many rays: on the smoke, 72 pixels across, 1 ray errs by
+        2.3 %, 4 at random by 2.1 %, 2 x 2 by 0.4 %.
+        """
         with sandbox() as (own, folder):
             self._add_bake(own, baked, None, folder)
             set_cycles(own, samples, seed)
             # Unbiased null scattering makes pure emission noisy and clamps it.
             _march(own)
             own.cycles.max_bounces = own.cycles.volume_bounces = 0
-            return render_image(own, self.width, self.height, folder)[..., :3]
+            fine = render_image(own, self.width * subpixels, self.height * subpixels, folder)
+        parts = fine[..., :3].reshape(self.height, subpixels, self.width, subpixels, 3)
+        return np.asarray(parts.mean(axis=(1, 3)), np.float32)
 
     def display_eevee(self, baked: Path) -> Image:
         """EEVEE's image of a baked file under the scene's lights."""

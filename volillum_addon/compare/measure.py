@@ -47,6 +47,7 @@ class Options:
     bounces: int | None = None
     repeats: int = 3
     display_samples: int = 1
+    display_subpixels: int = 2
     points: int = 8
     directions: int = 32
     voxels: int = 2000
@@ -137,15 +138,19 @@ def display(bench: Bench, baked: Bake) -> tuple[Image, Timing]:
     """The baked grids in the renderer, and the times of rendering them."""
     options, plan = bench.options, baked.plan
     path = bench.part(
-        "display", bake=plan.hash, samples=options.display_samples, machine=machine(),
-        repeats=options.repeats,
+        "display", bake=plan.hash, samples=options.display_samples,
+        subpixels=options.display_subpixels, machine=machine(), repeats=options.repeats,
     )  # fmt: skip
     held = load(path)
     if held is None:
         pixels, seconds = [], []
         for _ in range(options.repeats):
             begin = time.perf_counter()
-            pixels.append(bench.renderer.display(plan.path, options.display_samples, options.seed))
+            pixels.append(
+                bench.renderer.display(
+                    plan.path, options.display_samples, options.seed, options.display_subpixels
+                )
+            )
             seconds.append(time.perf_counter() - begin)
         held = {"pixels": np.asarray(pixels[0], np.float64), "seconds": np.array(seconds)}
         store(path, **held)

@@ -36,8 +36,9 @@ class Renderer(Protocol):
     def reference(self, bounces: int, samples: int, seed: int) -> Pixels:
         """Scattering up to `bounces` volume bounces (0: single scattering), no background."""
 
-    def display(self, baked: Path, samples: int, seed: int) -> Pixels:
-        """The baked illumination through the display material."""
+    def display(self, baked: Path, samples: int, seed: int, subpixels: int) -> Pixels:
+        """The baked illumination through the display material, `samples` in each of a pixel's
+        subpixels x subpixels parts."""
 
     def witness(self, operator: Operator, samples: int, seed: int) -> Pixels | None:
         """An image whose expectation solves the operator's equation, where the renderer's own
