@@ -29,6 +29,10 @@ def lights(*some: object) -> Scene:
     return replace(BASE, lights=some)
 
 
+def brighter(light: DistantLight) -> DistantLight:
+    return replace(light, irradiance=2 * np.asarray(light.irradiance))
+
+
 def camera(base: Scene = BASE, **changes: object) -> Scene:
     assert base.camera is not None
     return replace(base, camera=replace(base.camera, **changes))
@@ -79,16 +83,22 @@ CHANGES = {
     "negative zeros": (BASE, negative_zeros(), ()),
     "grid name": (BASE, medium(sigma_t=replace(BASE.medium.sigma_t, name="x")), ()),
     "albedo": (BASE, medium(sigma_s=blob().with_values(GRID.values)), ("scattering",)),
-    "emission": (BASE, medium(emission=GRID), ("emission",)),
+    "emission": (BASE, medium(emission=GRID), ("emission", "light hue")),
     "no emission": (BASE, medium(emission=GRID.with_values(GRID.values * 0)), ()),
     "anisotropy": (BASE, medium(g=0.5), ("phase function",)),
-    "sun's colour": (BASE, lights(replace(SUN, irradiance=(1, 1, 9)), SKY), ("light",)),
+    "sun's colour": (BASE, lights(replace(SUN, irradiance=(1, 1, 9)), SKY), ("light", "light hue")),
+    "sun's brightness": (BASE, lights(brighter(SUN), SKY), ("light",)),
+    "sun's brightness beside a glow": (
+        medium(emission=GRID),
+        replace(medium(emission=GRID), lights=(brighter(SUN), SKY)),
+        ("light", "light hue"),
+    ),
     "sun's size": (BASE, lights(replace(SUN, angle=0.4), SKY), ("light",)),
     "sky": (BASE, lights(SUN, EnvironmentLight(random_values(4, 8, 3))), ("light",)),
     "sky before sun": (BASE, lights(SKY, SUN), PLACES),
     "sun's direction": (BASE, lights(replace(SUN, direction=(0, 0, 1)), SKY), PLACES),
-    "another sun": (BASE, TWO_SUNS, PLACES),
-    "suns' order": (TWO_SUNS, lights(LAMP, SUN, SKY), PLACES),
+    "another sun": (BASE, TWO_SUNS, (*PLACES, "light hue")),
+    "suns' order": (TWO_SUNS, lights(LAMP, SUN, SKY), (*PLACES, "light hue")),
     "eye": (BASE, camera(position=(1, -9.001, 3)), ("camera",)),
     "where it looks": (BASE, camera(look_at=(0, 1, 2)), ()),
     "lens": (BASE, camera(fov=0.3, shift=(0.1, 0.2)), ()),

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import __version__
+from ..core.colour import luminance
 from ..core.grid import Grid
 from ..core.scene import Scene
 from ..models.model import Model, Values
@@ -79,6 +80,20 @@ def _phase(scene: Scene, model: Model) -> str:
     return _digest(_bytes(scene.medium.g))
 
 
+def _light_hues(scene: Scene, model: Model) -> str:
+    """Colours of the model's lights relative to their luminance; where the medium glows, as they
+    are, because what counts there is their ratio to the glow."""
+    digest = blake2b(digest_size=DIGEST_BYTES)
+    for light in model.represented(scene):
+        # A local light's distance is part of its place.
+        rgb = getattr(light, "intensity", None)
+        rgb = np.asarray(light.fluence(np.zeros(3)) if rgb is None else rgb)
+        if scene.medium.emission is None and luminance(rgb) > 0:
+            rgb = rgb / luminance(rgb)
+        digest.update(_direction(rgb))
+    return digest.hexdigest()
+
+
 def _camera(scene: Scene, model: Model) -> str:
     """What the direction toward the eye depends on: the eye, or an orthographic view's axis."""
     camera = scene.need_camera()
@@ -92,6 +107,7 @@ PARTS: dict[str, Callable[[Scene, Model], str]] = {
     "light direction": _light_directions,
     "light": _lights,
     "phase function": _phase,
+    "light hue": _light_hues,
     "camera": _camera,
 }
 

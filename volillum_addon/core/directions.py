@@ -21,6 +21,10 @@ GOLDEN = (math.sqrt(5) - 1) / 2
 # sums over a cone's directions change by far less.
 SPREAD_RINGS, SPREAD_PER_RING = 8, 32
 
+# A Phong lobe is cut where it is exp(-LOBE_TAIL) of its peak, and represented by this many points
+# and four more for each that is asked for: exact to rounding for smooth weights.
+LOBE_TAIL, LOBE_POINTS = 60.0, 64
+
 
 def frame(axis: NDArray[np.float64]) -> NDArray[np.float64]:
     """Right-handed orthonormal rows (u, v, axis) [3, 3]; axis is a unit vector."""
@@ -30,18 +34,18 @@ def frame(axis: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.array([u, np.cross(axis, u), axis])
 
 
-def cone_rule(theta: float, directions: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Gauss (cosine) x uniform (azimuth) rule for the cone of half angle theta about +z.
+def cone_rule(
+    theta: float, directions: int, beta: float = 0.0
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Gauss x uniform (azimuth) rule for the cone of half angle theta about +z, theta <= 90 degrees
+    where beta is not 0.
 
-    Returns about `directions` unit vectors [d, 3] and their weights [d], which sum to 1 (uniform in
-    solid angle).
+    Returns about `directions` unit vectors [d, 3] and their weights [d], which sum to 1: uniform in
+    solid angle, or Phong's lobe (beta + 1) / (2 pi (1 - cos^(beta+1) theta)) cos^beta.
     """
     rings = max(1, round(math.sqrt(directions / 4)))
     per_ring = max(1, round(directions / rings))
-    node, weight = np.polynomial.legendre.leggauss(rings)
-    # 1 - cos(theta), without the cancellation at small angles.
-    drop = 2 * math.sin(theta / 2) ** 2
-    below = drop * (1 - node) / 2
+    below, weight = _phong_gauss(theta, beta, rings)
     cosine = 1 - below
     sine = np.sqrt(below * (2 - below))
     turn = (np.arange(rings) * GOLDEN) % 1
@@ -49,8 +53,41 @@ def cone_rule(theta: float, directions: int) -> tuple[NDArray[np.float64], NDArr
     vectors = np.stack(
         [sine[:, None] * np.cos(azimuth), sine[:, None] * np.sin(azimuth),
          np.broadcast_to(cosine[:, None], azimuth.shape)], axis=-1)  # fmt: skip
-    weights = np.broadcast_to((weight / weight.sum() / per_ring)[:, None], azimuth.shape)
+    weights = np.broadcast_to((weight / per_ring)[:, None], azimuth.shape)
     return vectors.reshape(-1, 3), np.ascontiguousarray(weights).reshape(-1)
+
+
+def _phong_gauss(
+    theta: float, beta: float, points: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Gauss's rule in x = 1 - cosine of the weight (1 - x)^beta from 0 to 1 - cos(theta).
+
+    Exact for polynomials in the cosine up to the degree 2 `points` - 1. Weights sum to 1.
+    """
+    # 1 - cos(theta), without the cancellation at small angles.
+    end = 2 * math.sin(theta / 2) ** 2
+    if beta == 0:
+        node, weight = np.polynomial.legendre.leggauss(points)
+        return end * (1 - node) / 2, weight / 2
+    node, weight = np.polynomial.legendre.leggauss(4 * points + LOBE_POINTS)
+    x = min(end, LOBE_TAIL / beta) * (1 + node) / 2
+    weight = weight * np.exp(beta * np.log1p(-x))
+    # Lanczos: the Jacobi matrix of this weight's orthogonal polynomials (Golub and Welsch 1969),
+    # in units of the end, orthogonalised anew at each step.
+    scale = float(x.max())
+    basis = [np.sqrt(weight / weight.sum())]
+    matrix = np.zeros((points, points))
+    for row in range(points):
+        rest = x / scale * basis[row]
+        matrix[row, row] = rest @ basis[row]
+        for _ in range(2):
+            rest = rest - np.sum([(rest @ vector) * vector for vector in basis], axis=0)
+        norm = float(np.linalg.norm(rest))
+        if row + 1 < points:
+            matrix[row, row + 1] = matrix[row + 1, row] = norm
+            basis.append(rest / norm)
+    value, vectors = np.linalg.eigh(matrix)
+    return value * scale, vectors[0] ** 2
 
 
 def sphere_rule(directions: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 from ..core.errors import bad
-from . import directional_occlusion, multidirectional_occlusion, spherical_harmonics
+from . import (
+    directional_occlusion,
+    multidirectional_occlusion,
+    shadow_propagation,
+    spherical_harmonics,
+)
 from .model import Model
 
 MODELS: dict[str, Model] = {
@@ -11,6 +16,7 @@ MODELS: dict[str, Model] = {
     for module in (
         directional_occlusion,
         multidirectional_occlusion,
+        shadow_propagation,
         spherical_harmonics,
     )
 }

@@ -1,0 +1,34 @@
+// Radiance along a lobe of directions at all voxels, attenuated and gathered on the way, and the
+// mean of its hue: what shadow volume propagation needs beside a hard shadow.
+#pragma once
+
+#include "volillum/control.h"
+#include "volillum/real.h"
+
+namespace volillum {
+
+// The medium, the light and the directions: outward unit vectors in world space.
+struct RadianceScene {
+    const Real *sigma_t;      // [extinction_channels, n0, n1, n2], C-contiguous
+    int extinction_channels;  // 1 or 3
+    const Real *source;       // [3, n0, n1, n2], radiance per world unit, in units of the light's
+    Index3 shape;
+    const double *index_to_world;  // row-major 4 x 4; only the linear part matters
+    const double *directions;
+    int count;
+    Vec3d hue;  // the light's RGB radiance over its luminance (1, 1, 1 for a white one)
+};
+
+struct RadianceSettings {
+    int near_slices = 4;  // slices from each voxel along the direction's own ray
+    int threads = 0;      // 0: all cores
+    Control *control = nullptr;
+};
+
+// out[c] = sum_d weights[d] gamma_c(L(x, directions[d])), [3, n0, n1, n2], with
+//     L_c = hue_c T_c + int T_c source_c ds,    gamma(L) = L / luminance(L),
+// and the light's hue for gamma where the luminance of L is below 1e-6 of the light's.
+void mean_hue(const RadianceScene &scene, const Real *weights, const RadianceSettings &settings,
+              Real *out);
+
+}  // namespace volillum

@@ -1,0 +1,99 @@
+#include "volillum/radiance_sweep.h"
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
+
+#include <climits>
+#include <memory>
+
+#include "arrays.h"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+using volillum::AnyArray;
+using volillum::Control;
+using volillum::RadianceScene;
+using volillum::RadianceSettings;
+using volillum::Real;
+using volillum::require;
+
+namespace {
+
+using Result = nb::ndarray<nb::numpy, Real, nb::ndim<4>>;
+
+Result mean_hue(const AnyArray &sigma_t, const AnyArray &source, const AnyArray &index_to_world,
+                const AnyArray &directions, const AnyArray &weights, const AnyArray &hue,
+                int near_slices, int threads, Control *control) {
+    RadianceScene scene;
+    scene.sigma_t = require<Real>(sigma_t, "sigma_t", "[1 or 3, nx, ny, nz]", {-1, -1, -1, -1});
+    if (sigma_t.shape(0) != 1 && sigma_t.shape(0) != 3)
+        throw nb::value_error(("sigma_t has shape " + volillum::shape_text(sigma_t) +
+                               "; expected 1 or 3 channels [c, nx, ny, nz]")
+                                  .c_str());
+    scene.extinction_channels = int(sigma_t.shape(0));
+    std::int64_t size[3];
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+        size[axis] = std::int64_t(sigma_t.shape(axis + 1));
+        // Rows and columns of sheared lattices are counted in int.
+        if (size[axis] > INT_MAX / 8)
+            throw nb::value_error(("sigma_t has shape " + volillum::shape_text(sigma_t) +
+                                   "; expected sides below " + std::to_string(INT_MAX / 8))
+                                      .c_str());
+        scene.shape[axis] = int(size[axis]);
+    }
+    scene.source = require<Real>(source, "source", "[3, nx, ny, nz], sigma_t's lattice",
+                                 {3, size[0], size[1], size[2]});
+    scene.index_to_world = require<double>(index_to_world, "index_to_world", "[4, 4]", {4, 4});
+    scene.directions = require<double>(directions, "directions", "[d, 3] with d >= 1", {-1, 3});
+    if (directions.shape(0) > 1000000)
+        throw nb::value_error("directions holds more than 1000000 directions");
+    scene.count = int(directions.shape(0));
+    const Real *weight =
+        require<Real>(weights, "weights", "[d], one for each direction", {scene.count});
+    const double *rgb = require<double>(hue, "hue", "[3]", {3});
+    scene.hue = {rgb[0], rgb[1], rgb[2]};
+    const RadianceSettings settings{near_slices, threads, control};
+    auto data = std::make_unique_for_overwrite<Real[]>(3 * std::size_t(size[0]) *
+                                                       std::size_t(size[1]) * std::size_t(size[2]));
+    {
+        const nb::gil_scoped_release release;
+        volillum::mean_hue(scene, weight, settings, data.get());
+    }
+    Real *values = data.release();
+    const nb::capsule owner(values, [](void *p) noexcept { delete[] static_cast<Real *>(p); });
+    return Result(values, {3, std::size_t(size[0]), std::size_t(size[1]), std::size_t(size[2])},
+                  owner);
+}
+
+constexpr const char *mean_hue_doc =
+    R"(Mean over directions of the hue of the radiance that arrives at every voxel.
+
+out[c] = sum_d weights[d] L_c / Y(L), Y = 0.2126 L_r + 0.7152 L_g + 0.0722 L_b,
+L_c(x, w) = hue_c exp(-od_c) + int exp(-od_c(s)) source_c ds along the ray from x to the border;
+where Y(L) is below 1e-6, the light's hue stands for L / Y(L). The medium is the trilinear
+interpolant of sigma_t and source, zero outside.
+
+Radiance is carried along a lattice of rays, sheared to each direction, and interpolated once
+(second order); through the first `near_slices` slices it is carried along the voxel's own ray, from
+cell to cell.
+
+sigma_t: float32 [1 or 3, nx, ny, nz] per world unit; source: float32 [3, nx, ny, nz], radiance per
+world unit in units of the light's luminance. C-contiguous, finite, not negative.
+index_to_world: float64 [4, 4]; any invertible affine; only its linear part matters.
+directions: float64 [d, 3], unit vectors in world space, from the voxel outward.
+weights: float32 [d].
+hue: float64 [3], the light's radiance over its luminance.
+threads: 0: all cores. The result is the same, bit for bit, for any number.
+control: cancels (raises Cancelled) and tells the progress.
+Returns float32 [3, nx, ny, nz].
+Raises ValueError for wrong shapes, a singular affine, directions that are not of unit length
+to 1e-6, or settings out of range; TypeError for wrong types.)";
+
+}  // namespace
+
+void bind_radiance_sweep(nb::module_ &module) {
+    module.def("mean_hue", &mean_hue, "sigma_t"_a, "source"_a, "index_to_world"_a, "directions"_a,
+               "weights"_a, "hue"_a, nb::kw_only(), "near_slices"_a = 4, "threads"_a = 0,
+               "control"_a = nb::none(), mean_hue_doc);
+}

@@ -1,0 +1,123 @@
+#include "radiance_march.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace volillum::radiance_detail {
+namespace {
+
+// What a step adds, int q(t) exp(-od(t)) dt with linear q and sigma_t, is integrated by Gauss's
+// four points up to where od reaches kOpaque: e^-8 = 3e-4 of what an opaque step adds is left out,
+// and a hard surface shows the medium's colour where the ray meets it and not the step's mean.
+constexpr Real kOpaque = 8;
+constexpr int kPoints = 4;
+constexpr Real kNodes[kPoints] = {Real(0.0694318442029737), Real(0.3300094782075719),
+                                  Real(0.6699905217924281), Real(0.9305681557970263)};
+constexpr Real kWeights[kPoints] = {Real(0.1739274225687269), Real(0.3260725774312731),
+                                    Real(0.3260725774312731), Real(0.1739274225687269)};
+// Rec. 709, linear light.
+constexpr Real kRed = Real(0.2126), kGreen = Real(0.7152), kBlue = Real(0.0722);
+// A direction whose luminance is below this share of the light's has no hue of its own.
+constexpr Real kDark = Real(1e-6);
+
+// How much of the far radiance, the near and the far source arrives through a step.
+struct Shares {
+    Real radiance, near, far;
+};
+
+VOLILLUM_INLINE Shares shares(Real near, Real far, Real length) {
+    const Real linear = length * near, bend = Real(0.5) * length * (far - near);
+    const Real depth = linear + bend;
+    const Real root = std::sqrt(std::max(Real(0), linear * linear + 4 * kOpaque * bend));
+    const Real opaque = 2 * kOpaque / std::max(linear + root, Real(1e-6));
+    const Real reach = depth > kOpaque ? std::min(opaque, Real(1)) : Real(1);
+    Real all = 0, beyond = 0;
+    for (int i = 0; i < kPoints; ++i) {
+        const Real t = reach * kNodes[i];
+        const Real weight = reach * kWeights[i] * exp_negative(t * (linear + t * bend));
+        all += weight;
+        beyond += weight * t;
+    }
+    return {exp_negative(depth), length * (all - beyond), length * beyond};
+}
+
+template <int Extinctions>
+VOLILLUM_INLINE void step_channels(const Step &rays, Real *radiance) {
+    const std::ptrdiff_t stride = rays.stride;
+    const Real *__restrict near = rays.near;
+    const Real *__restrict far = rays.far;
+    Real *__restrict light = radiance;
+    const Real length = rays.length;
+    const int columns = round_up(rays.columns);
+    for (int k = 0; k < Extinctions; ++k)
+        for (int c = 0; c < columns; ++c) {
+            const Shares share = shares(near[k * stride + c], far[k * stride + c], length);
+            for (int colour = Extinctions == 1 ? 0 : k; colour < (Extinctions == 1 ? 3 : k + 1);
+                 ++colour) {
+                const std::ptrdiff_t source = (Extinctions + colour) * stride + c;
+                light[colour * stride + c] = light[colour * stride + c] * share.radiance +
+                                             share.near * near[source] + share.far * far[source];
+            }
+        }
+}
+
+VOLILLUM_DISPATCH void step_grey(const Step &rays, Real *radiance) {
+    step_channels<1>(rays, radiance);
+}
+VOLILLUM_DISPATCH void step_colour(const Step &rays, Real *radiance) {
+    step_channels<3>(rays, radiance);
+}
+
+}  // namespace
+
+VOLILLUM_DISPATCH void take_sample(const RowSample &sample, int channels, int columns,
+                                   std::ptrdiff_t stride, Real *result) {
+    for (int k = 0; k < channels; ++k)
+        for (int c = 0; c < columns; c += kLanes) {
+            Pack sum{};
+            for (int i = 0; i < sample.count; ++i)
+                sum += sample.weights[i] * pack(sample.rows[i] + k * sample.pitch + c);
+            pack(result + k * stride + c) = sum;
+        }
+}
+
+void step(const Step &rays, Real *radiance) {
+    if (rays.extinction_channels == 1)
+        step_grey(rays, radiance);
+    else
+        step_colour(rays, radiance);
+}
+
+VOLILLUM_DISPATCH void unshear(const Real *above, const Real *here, std::ptrdiff_t lattice_stride,
+                               const Crossing &crossing, int columns, std::ptrdiff_t stride,
+                               Real *radiance) {
+    const Real f = crossing.row_fraction, g = crossing.column_fraction;
+    const Real w00 = f * g, w01 = f * (1 - g), w10 = (1 - f) * g, w11 = (1 - f) * (1 - g);
+    for (int k = 0; k < 3; ++k)
+        for (int c = 0; c < columns; c += kLanes) {
+            const Real *p = above + k * lattice_stride + c, *q = here + k * lattice_stride + c;
+            pack(radiance + k * stride + c) =
+                w00 * pack(p) + w01 * pack(p + 1) + w10 * pack(q) + w11 * pack(q + 1);
+        }
+}
+
+VOLILLUM_DISPATCH void add_hue(const Real *radiance, std::ptrdiff_t stride, int columns,
+                               const Real *hue, Real weight, Real *out, std::ptrdiff_t out_stride) {
+    const Real *__restrict red = radiance;
+    const Real *__restrict green = radiance + stride;
+    const Real *__restrict blue = radiance + 2 * stride;
+    Real *__restrict out_red = out;
+    Real *__restrict out_green = out + out_stride;
+    Real *__restrict out_blue = out + 2 * out_stride;
+    const Real hue_red = weight * hue[0], hue_green = weight * hue[1], hue_blue = weight * hue[2];
+    for (int c = 0; c < columns; ++c) {
+        const Real luminance = kRed * red[c] + kGreen * green[c] + kBlue * blue[c];
+        const bool dark = !(luminance >= kDark);
+        const Real scale = weight / (dark ? Real(1) : luminance);
+        out_red[c] += dark ? hue_red : scale * red[c];
+        out_green[c] += dark ? hue_green : scale * green[c];
+        out_blue[c] += dark ? hue_blue : scale * blue[c];
+    }
+}
+
+}  // namespace volillum::radiance_detail

@@ -1,0 +1,177 @@
+"""Shadow volume propagation (Ropinski, Doering, Rezk-Salama 2010), the paper's Eq. 8.
+
+    L_i(x) = sum over lights of lambda(L_l T(x, omega_L)) gamma_mean(x)
+    gamma_mean(x) = C integral over the cone C(omega_L, theta) of
+                    cos^beta(omega, omega_L) gamma(L(x, omega)) d omega
+    L(x, omega) = L_l T(x, infinity) + integral of T(x, s) (sigma_s L_l + sigma_a L_e) ds
+
+lambda is the luminance (Rec. 709, linear light), gamma(L) = L / lambda(L) the hue, omega_L the
+direction to the light, L_l = F / (4 pi) its unoccluded radiance, and C normalises Phong's lobe. So
+the luminance is a hard shadow, and the medium that the light has passed lends it its hue. Where
+lambda(L(x, omega)) < 1e-6 lambda(L_l) gamma is the hue of the light.
+
+gamma is not linear: L is complete before it is taken, for each direction and each light. Lights are
+solved apart and summed. Neglects all scattering but the last and, for hue, the last but one, and
+the phase function. The printed Eq. 8 lost the coefficients of its sources, and its cone is the
+complement.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.colour import LUMINANCE, luminance
+from ..core.control import Control
+from ..core.directions import about, cone_rule
+from ..core.grid import Grid
+from ..core.lights import DistantLight, Light
+from ..core.medium import Medium
+from ..core.native import native
+from ..core.scene import Scene
+from .engines import channels_of, sweep
+from .model import Model, Need, Parameter, Values
+from .operator import Operator
+from .settings import CONE_DIRECTIONS, NEAR_SLICES, cone_theta
+from .volume import Factor, RadianceTerm
+
+# The hard shadow is one ray, whose errors no other direction averages out, and cheap: its near
+# field is longer. RMS error on the CTs 0.7 % or less (4 slices: 3.2 %), in a quarter of a second.
+SHADOW_NEAR_SLICES = 64
+# The share of the work that the hard shadow is, for the progress.
+SHADOW_SHARE = 0.05
+
+
+def operator(values: Values) -> Operator:
+    """The row of this model."""
+    return Operator(
+        "phong", "light", "light", theta=float(values["theta"]), beta=float(values["beta"]),
+        gathers_emission=True, gathers_colour=1.0, split="luminance", image_emission=True,
+    )  # fmt: skip
+
+
+def has_chroma(medium: Medium) -> bool:
+    """Whether the medium can change the hue of light; the light's own is a factor otherwise."""
+    return medium.channels == 3 or medium.sigma_s.channels == 3 or medium.emission is not None
+
+
+def unoccluded(light: Light, medium: Medium) -> NDArray[np.float64]:
+    """L_l: RGB F / (4 pi) at the medium's centre."""
+    return np.asarray(light.fluence(medium.sigma_t.centre) / (4 * math.pi))
+
+
+def hue(radiance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """gamma; a black light counts as white."""
+    total = luminance(radiance)
+    return radiance / total if total > 0 else np.ones(3)
+
+
+def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
+    """For each light its hard shadow `shadow_0`, lambda(L_l T) / lambda(L_l), and the lobe's mean
+    hue `chroma_0` (RGB) where the medium has colour or glows."""
+    channels = {}
+    suns = [light for light in scene.lights if isinstance(light, DistantLight)]
+    for index, sun in enumerate(suns):
+        with control.stage(index / len(suns), (index + 1) / len(suns), f"light {index + 1}"):
+            with control.stage(0, SHADOW_SHARE, "shadow"):
+                name = f"shadow_{index}"
+                channels[name] = hard_shadow(scene.medium, sun, name, control)
+            if has_chroma(scene.medium):
+                with control.stage(SHADOW_SHARE, 1, "hue"):
+                    name = f"chroma_{index}"
+                    channels[name] = mean_hue(scene.medium, sun, values, name, control)
+    return channels
+
+
+def hard_shadow(medium: Medium, sun: DistantLight, name: str, control: Control) -> Grid:
+    """lambda(L_l T(x, omega_L)) / lambda(L_l)."""
+    sigma_t = medium.sigma_t
+    planes = sweep(
+        sigma_t, np.asarray(sun.direction)[None], np.ones((1, 1)), SHADOW_NEAR_SLICES, control
+    )[:, 0]
+    if len(planes) == 1:
+        return channels_of(sigma_t, planes, name)
+    shares = (LUMINANCE * hue(unoccluded(sun, medium))).astype(np.float32)
+    return channels_of(sigma_t, np.tensordot(shares, planes, 1)[None], name)
+
+
+def mean_hue(
+    medium: Medium, sun: DistantLight, values: Values, name: str, control: Control
+) -> Grid:
+    """The hue gamma averaged over the lobe about the light, [i, j, k, 3]."""
+    vectors, weights = cone_rule(
+        float(values["theta"]), int(values["directions"]), float(values["beta"])
+    )
+    radiance = unoccluded(sun, medium)
+    planes = native.mean_hue(
+        medium.sigma_t.planes(),
+        sources(medium, radiance),
+        medium.sigma_t.index_to_world,
+        np.ascontiguousarray(about(vectors, np.asarray(sun.direction))),
+        weights.astype(np.float32),
+        hue(radiance),
+        near_slices=int(values["near"]),
+        control=control.native,
+    )
+    return channels_of(medium.sigma_t, planes, name)
+
+
+def sources(medium: Medium, radiance: NDArray[np.float64]) -> NDArray[np.float32]:
+    """(sigma_s L_l + sigma_a L_e) / lambda(L_l), [3, i, j, k]; a black light scatters nothing."""
+    scale = luminance(radiance) or 1.0
+    tint = (radiance / scale).astype(np.float32)
+    planes = medium.sigma_s.planes() * tint[:, None, None, None]
+    if medium.emission is not None:
+        planes = planes + medium.emission.planes() / np.float32(scale)
+    return np.ascontiguousarray(planes)
+
+
+def radiance(lights: tuple[Light, ...], medium: Medium, values: Values) -> tuple[RadianceTerm, ...]:
+    """L_i = sum of lambda(L_l) shadow chroma, or L_l shadow where the medium has no colour."""
+    terms = []
+    for index, light in enumerate(lights):
+        full = unoccluded(light, medium)
+        factors: tuple[Factor, ...] = (Factor(f"shadow_{index}"),)
+        if has_chroma(medium):
+            full = np.full(3, luminance(full))
+            factors = (*factors, Factor(f"chroma_{index}"))
+        terms.append(RadianceTerm(factors, (full[0], full[1], full[2])))
+    return tuple(terms)
+
+
+MODEL = Model(
+    id="shadow_propagation",
+    label="Shadow volume propagation",
+    citation="Ropinski, Doering, Rezk-Salama: Interactive Volumetric Lighting Simulating "
+    "Scattering and Shadowing, PacificVis 2010",
+    equation="8",
+    summary="Hard shadows whose light takes on the colour of what it has passed.",
+    parameters=(
+        cone_theta(math.radians(30)),
+        Parameter(
+            "beta", 10.0,
+            "Exponent of the lobe that gathers colour: 0 fills the cone, large ones look at the "
+            "light alone",
+            0.0, 1e4,
+        ),
+        CONE_DIRECTIONS,
+        NEAR_SLICES,
+    ),
+    needs=(
+        Need("light size", "ignores", "shadows are hard, whatever the sun's diameter"),
+        Need("several lights", "approximates", "solved apart and summed: hues do not mix before"),
+        Need("environment light", "ignores", "only lights with one direction"),
+        Need("local lights", "ignores", "only distant lights"),
+        Need("multiple scattering", "ignores", "what scatters on the way lends its hue alone"),
+        Need("phase function", "ignores", "isotropic"),
+        Need("emission", "represents", "lends the light its hue, and is in the image"),
+        Need("chromatic extinction", "represents", "in the shadow's brightness and in the hue"),
+    ),
+    lights=frozenset({"distant"}),
+    rebake_on=frozenset({"extinction", "scattering", "emission", "light direction", "light hue"}),
+    operator=operator,
+    solve=solve,
+    radiance=radiance,
+)  # fmt: skip
