@@ -148,7 +148,7 @@ def test_frames_of_a_sequence_share_a_name(scene: Scene, solved: Count, tmp_path
     [
         ({"parameters": {"theta": 9.0}}, "theta is 9; expected 0.01.* radians"),
         ({"parameters": {"colour": 9.0}}, "parameter is 'colour'; expected one of theta"),
-        ({"model": "raytracing"}, "model is 'raytracing'; expected one of directional"),
+        ({"model": "raytracing"}, "model is 'raytracing'; expected one of half_angle"),
         ({"name": "a/b"}, "name is 'a/b'; expected a file name without folders"),
         ({"name": ""}, "name is ''; expected a file name"),
         ({"lights": (PointLight((9, 9, 9), 1.0),)}, "knows only lights of the kinds distant"),

@@ -149,9 +149,12 @@ def test_error_colours_are_signed_symmetric_and_black_at_zero(comparison: Compar
 
 def test_the_error_scale_holds_nearly_all_errors(comparison: Comparison) -> None:
     tone = images.Tone.of(comparison)
-    for _, found in comparison.measured:
-        error = np.abs(found.images.total @ images.LUMINANCE)[comparison.mask] / tone.mean
-        assert np.mean(error > tone.limit) < 0.06
+    # One scale for all models: 2 % of all their pixels lie beyond it, however a single one does.
+    errors = [
+        np.abs(found.images.total @ images.LUMINANCE)[comparison.mask] / tone.mean
+        for _, found in comparison.measured
+    ]
+    assert np.mean(np.concatenate(errors) > tone.limit) <= 0.02
     rounded = [images.round_up(value) for value in (0.1, 0.11, 0.21, 0.7, 9.1)]
     assert rounded == pytest.approx([0.1, 0.15, 0.25, 0.8, 10])
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from ..core.errors import bad
 from . import (
     directional_occlusion,
+    half_angle,
     multidirectional_occlusion,
     shadow_propagation,
     spherical_harmonics,
@@ -14,6 +15,7 @@ from .model import Model
 MODELS: dict[str, Model] = {
     module.MODEL.id: module.MODEL
     for module in (
+        half_angle,
         directional_occlusion,
         multidirectional_occlusion,
         shadow_propagation,

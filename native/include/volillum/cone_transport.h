@@ -1,0 +1,40 @@
+// Light that is scattered again and again into one cone about the direction to the light:
+//
+//   L_i(x) = sum_d w_d [ T(x, infinity) + integral_0^inf T(x, x + s omega_d) sigma_s L_i ds ]
+//
+// Light moves only away from its source, so one march through a lattice in the light's frame, from
+// the lit side on, solves it. See "half angle" in docs/mathematics.md.
+#pragma once
+
+#include "volillum/control.h"
+#include "volillum/real.h"
+
+namespace volillum {
+
+// One channel of the medium, its lattice, and the cone: outward unit vectors in world space.
+struct ConeTransportScene {
+    const Real *sigma_t, *sigma_s;  // [n0, n1, n2], C-contiguous; sigma_s at most sigma_t
+    Index3 shape;
+    const double *index_to_world;  // row-major 4 x 4
+    Vec3d axis;                    // unit vector toward the light
+    const double *directions;      // [count, 3], each with a positive component along the axis
+    const double *weights;         // [count], sum 1
+    int count;
+    // Null, or the mean transmittance sum_d w_d T at the voxels from a source that is more exact
+    // than the light's lattice: the solution then follows it at hard surfaces.
+    const Real *transmittance = nullptr;
+};
+
+struct ConeTransportSettings {
+    double spacing = 1.0;  // of the light's lattice, in voxels
+    int threads = 0;       // 0: all cores
+    Control *control = nullptr;
+    double progress_begin = 0.0, progress_end = 1.0;
+};
+
+// L_i / L_l at the voxels, out is [n0, n1, n2]. Throws std::invalid_argument for directions or
+// weights that do not fit the description, or a singular affine.
+void cone_transport(const ConeTransportScene &scene, const ConeTransportSettings &settings,
+                    Real *out);
+
+}  // namespace volillum
