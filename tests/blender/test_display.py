@@ -1,7 +1,7 @@
 """Blender's image of a bake against the core's line integral of the same grids, and closed forms.
 
 Bounds: in Cycles a bias below 0.2 % and an RMSE below 1 % of the mean, inside a smooth volume at 1
-sample and inside a hard-edged one at 16; in EEVEE a mean within 1 %.
+sample and inside a hard-edged one at 16; in EEVEE a mean within 1.5 %.
 """
 
 from __future__ import annotations
@@ -404,6 +404,8 @@ def test_a_smooth_volume_in_eevee(tmp_path: Path) -> None:
     lights = (SKY, DistantLight((1, -1, 1), 2.0, 0.3))
     volume = expansion(smooth(), lights)
     bias, rmse = compared(volume, lights, perspective(), tmp_path, None, 32)
-    # Froxels blur by a tile: the mean within 2 %, and pixels within 3 % of the mean.
-    assert bias < 0.02
-    assert rmse < 0.03
+    # EEVEE keeps what it gathers in floats with 6 (red, green) and 5 bits (blue) after the point, and
+    # here cuts off the rest: 0.36 units of the last place in the mean, at each of two places. Red and
+    # green lose 0.8 %, blue 1.6 %, the same at any size and number of samples; froxels blur by a tile.
+    assert bias < 0.015
+    assert rmse < 0.02
