@@ -404,8 +404,9 @@ def test_a_smooth_volume_in_eevee(tmp_path: Path) -> None:
     lights = (SKY, DistantLight((1, -1, 1), 2.0, 0.3))
     volume = expansion(smooth(), lights)
     bias, rmse = compared(volume, lights, perspective(), tmp_path, None, 32)
-    # EEVEE keeps what it gathers in floats with 6 (red, green) and 5 bits (blue) after the point, and
-    # here cuts off the rest: 0.36 units of the last place in the mean, at each of two places. Red and
-    # green lose 0.8 %, blue 1.6 %, the same at any size and number of samples; froxels blur by a tile.
+    # EEVEE keeps what it gathers in floats with 6 (red, green) and 5 bits (blue) after the point,
+    # and here cuts off the rest: 0.36 units of the last place in the mean, at each of two places.
+    # Red and green lose 0.8 %, blue 1.6 %, the same at any size and number of samples; froxels
+    # blur by a tile.
     assert bias < 0.015
     assert rmse < 0.02
