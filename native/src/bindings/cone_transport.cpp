@@ -49,6 +49,10 @@ Result cone_transport(const AnyArray &sigma_t, const AnyArray &sigma_s,
         scene.shape[i] = int(sigma_t.shape(i + 1));
         voxels *= sigma_t.shape(i + 1);
     }
+    if (voxels > INT_MAX)
+        throw nb::value_error(("sigma_t has shape " + volillum::shape_text(sigma_t) +
+                               "; expected at most " + std::to_string(INT_MAX) + " voxels")
+                                  .c_str());
     scene.index_to_world = require<double>(index_to_world, "index_to_world", "[4, 4]", {4, 4});
     const double *toward = require<double>(axis, "axis", "[3]", {3});
     scene.axis = {toward[0], toward[1], toward[2]};

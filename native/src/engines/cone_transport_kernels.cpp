@@ -54,17 +54,21 @@ struct AxisPlaces {
 };
 
 VOLILLUM_INLINE void place(double begin, double step, int size, int stride, AxisPlaces &places) {
+    // Without a branch, also for what is stored: a masked store would not become vector code.
+    const double beyond = size;
+    VOLILLUM_NO_ALIAS
     for (int c = 0; c < kChunk; ++c) {
         const double at = begin + c * step;
-        const double clipped = at < -1.0 ? -1.0 : (at > size ? double(size) : at);
+        const double above = at > -1.0 ? at : -1.0, clipped = above < beyond ? above : beyond;
         const int floor = int(clipped + 1.0) - 1;
         const Real fraction = Real(clipped - floor);
-        const bool low_inside = floor >= 0 && floor < size, high_inside = floor + 1 < size;
-        places.low_weight[c] = low_inside ? 1 - fraction : Real(0);
-        places.high_weight[c] = high_inside ? fraction : Real(0);
-        const int low = floor < 0 ? 0 : (floor < size ? floor : size - 1);
-        places.low[c] = stride * low;
-        places.step[c] = floor >= 0 && high_inside ? stride : 0;
+        const int low_inside = int(floor >= 0) & int(floor < size);
+        const int high_inside = int(floor + 1 < size);
+        places.low_weight[c] = Real(low_inside) * (1 - fraction);
+        places.high_weight[c] = Real(high_inside) * fraction;
+        const int low = floor < size ? floor : size - 1;
+        places.low[c] = stride * (low > 0 ? low : 0);
+        places.step[c] = stride * (int(floor >= 0) & high_inside);
     }
 }
 
