@@ -7,6 +7,7 @@ import pytest
 from project_files import ROOT
 
 VOLUMES = sorted((ROOT / "presets" / "volumes").glob("*.vdb"))
+CODE = sorted((ROOT / "native" / "third_party").glob("*/*.h"))
 
 
 def test_a_volume_ships() -> None:
@@ -15,8 +16,16 @@ def test_a_volume_ships() -> None:
 
 @pytest.mark.parametrize("path", VOLUMES, ids=lambda path: path.name)
 def test_a_volume_is_listed_with_its_hash_and_licence(path: Path) -> None:
+    check(path, path.with_name(f"{path.stem}.LICENSE.txt"))
+
+
+@pytest.mark.parametrize("path", CODE, ids=lambda path: path.name)
+def test_code_of_others_is_listed_with_its_hash_and_licence(path: Path) -> None:
+    check(path, path.with_name("LICENSE.md"))
+
+
+def check(path: Path, licence: Path) -> None:
     name = path.relative_to(ROOT).as_posix()
-    licence = path.with_name(f"{path.stem}.LICENSE.txt")
     assert licence.is_file()
     (line,) = [
         line for line in (ROOT / "SOURCES.md").read_text().splitlines() if f"`{name}`" in line

@@ -23,7 +23,8 @@ TREE = {
             volillum_addon/ native/ presets/ tests/ docs/ tools/""",
     "volillum_addon": """__init__.py __main__.py py.typed resources.py
                          core/ models/ bake/ compare/ blender/""",
-    "native": ".clang-format CMakeLists.txt pyproject.toml wheel_version.py include/ src/",
+    "native": """.clang-format CMakeLists.txt pyproject.toml wheel_version.py
+                 include/ src/ third_party/""",
     "native/include": "volillum/",
     "native/src": "module.cpp bindings/ engines/ exact/ models/",
     "tests": """*.py benchmarks/ bake/ blender/ compare/ core/ hard_cases/ models/ native/

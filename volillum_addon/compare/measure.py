@@ -183,7 +183,7 @@ def exact(
     quality = {"points": options.points, "directions": options.directions, "seed": options.seed}
     # Where the model has no clamp, the image without it is the same one and is found again; so is
     # that of another algorithm or another cost for the same equation.
-    operator = model.operator(values)
+    operator = model.operator_in(bench.renderer.scene, values)
     clamped = clamped or not operator.clamped
     path = bench.part(
         "exact", operator=repr(operator), lights=sorted(model.lights), clamped=clamped, **quality
@@ -242,7 +242,7 @@ def witness(
 ) -> Agreement | None:
     """Whether the renderer's own solution of the model's equation agrees with the exact image;
     None where it has none. A witness does not clamp, so the exact image is taken without."""
-    operator = model.operator(values)
+    operator = model.operator_in(bench.renderer.scene, values)
     stopping = bench.stopping(0.25)
 
     def draw(seed: int) -> Pixels:

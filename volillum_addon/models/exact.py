@@ -67,7 +67,7 @@ def exact(
     if where.ndim != 2 or where.shape[1] != 3:
         raise bad("points' shape", where.shape, "(n, 3)")
     chosen = get(model)
-    operator = chosen.operator(chosen.values(parameters))
+    operator = chosen.operator_in(scene, chosen.values(parameters))
     chosen.check(scene)
     trimmed = scene.trimmed(VOID_MARGIN)
     medium = trimmed.medium
@@ -107,7 +107,7 @@ def exact_image(
     `clamped` False leaves negative in-scattered radiance negative where the model clamps it at 0.
     """
     chosen = get(model)
-    operator = chosen.operator(chosen.values(parameters or {}))
+    operator = chosen.operator_in(scene, chosen.values(parameters or {}))
     chosen.check(scene)
     trimmed = scene.trimmed(VOID_MARGIN)
     medium = trimmed.medium

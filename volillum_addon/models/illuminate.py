@@ -33,7 +33,7 @@ def illuminate(
     control = control or Control()
     trimmed = scene.trimmed(VOID_MARGIN)
     begin = time.perf_counter()
-    channels = chosen.solve(trimmed, values, control)
+    channels = chosen.solve(trimmed, chosen.resolved(trimmed, values), control)
     seconds = time.perf_counter() - begin
     return IlluminationVolume(
         model=model,

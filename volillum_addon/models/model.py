@@ -61,6 +61,8 @@ class Model:
     `operator(values)` is its equation as data; `solve(scene, values, control)` computes the
     channels, grids on the scene's (trimmed) lattice; `radiance(lights, medium, values)` says how
     the channels become in-scattered radiance for given lights.
+    `resolve(scene, values)`, where a model has settings whose default follows the scene, puts them
+    in; `operator` and `solve` get resolved values.
     `ladder` holds settings from fast to accurate, for measurements of error against time.
     `lights` are the kinds of light that it represents; `rebake_on` the scene's parts whose change
     makes its channels stale.
@@ -79,6 +81,7 @@ class Model:
     solve: Callable[[Scene, Values, Control], dict[str, Grid]]
     radiance: Callable[[tuple[Light, ...], Medium, Values], tuple[RadianceTerm, ...]]
     ladder: tuple[Values, ...] = ()
+    resolve: Callable[[Scene, Values], Values] | None = None
 
     def values(self, given: Mapping[str, object]) -> dict[str, Value]:
         """All parameters with `given` applied; refuses unknown names and values out of range."""
@@ -87,6 +90,14 @@ class Model:
             if name not in known:
                 raise bad(f"{self.id}'s parameter", repr(name), "one of " + ", ".join(known))
         return {name: p.check(given.get(name, p.default)) for name, p in known.items()}
+
+    def resolved(self, scene: Scene, values: Values) -> Values:
+        """`values` with what follows the scene put in."""
+        return values if self.resolve is None else self.resolve(scene, values)
+
+    def operator_in(self, scene: Scene, values: Values) -> Operator:
+        """The model's equation in this scene."""
+        return self.operator(self.resolved(scene, values))
 
     def represented(self, scene: Scene) -> tuple[Light, ...]:
         """The scene's lights that the model's equation has; the others stay out of its bake."""

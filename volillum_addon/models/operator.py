@@ -36,7 +36,8 @@ class Operator:
     radius           how far the medium counts, world units
     law              "exp": attenuation exp(-od). "linear": 1 - od_w, the first order of Taylor's
                      series with the distance weight below, medium on the way not attenuated.
-                     "bounded": the same of opacities 1 - exp(-sigma_t reference_length)
+                     "bounded": 1 - the mean opacity with that weight, opacities
+                     1 - exp(-sigma_t reference_length) being of voxels, interpolated like a medium
     weight_p         the medium at distance s counts as s^(2 - p) along the ray (2: physical)
     order            how many scatterings: 1, or math.inf
     rescatter        the directions of further scatterings: the same lobe, or the phase function

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ..core.errors import bad
 from . import (
+    ambient_occlusion,
     directional_occlusion,
     half_angle,
     multidirectional_occlusion,
@@ -20,6 +21,7 @@ MODELS: dict[str, Model] = {
         multidirectional_occlusion,
         shadow_propagation,
         spherical_harmonics,
+        ambient_occlusion,
     )
 }
 

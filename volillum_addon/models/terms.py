@@ -112,6 +112,8 @@ def _attenuation(operator: Operator) -> tuple[str, str]:
 def _radius(operator: Operator) -> tuple[str, str]:
     if math.isinf(operator.radius):
         return "all of the medium", ""
+    if operator.radius == 0:  # a default that follows the grid
+        return "a few voxels", "far shadows are missing"
     return f"within {operator.radius:.3g}", "far shadows are missing"
 
 
