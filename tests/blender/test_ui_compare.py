@@ -8,9 +8,10 @@ from types import SimpleNamespace
 from typing import Any
 
 import bpy
+import numpy as np
 import pytest
 
-from volillum_addon.blender import child
+from volillum_addon.blender import child, comparing
 from volillum_addon.blender.jobs import Job, Work
 from volillum_addon.blender.operators import VOLILLUM_OT_compare
 from volillum_addon.core.control import Control
@@ -52,6 +53,19 @@ def test_compare_from_a_script(small: bpy.types.Scene) -> None:
     assert bpy.ops.volillum.compare() == {"FINISHED"}
     check_result(small)
     assert [block.session_uid for block in bpy.data.user_map()] == before
+
+
+def test_a_blender_whose_cycles_has_no_volumes_is_refused(
+    small: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    comparing.check_cycles.cache_clear()
+    comparing.check_cycles()  # this one has them
+    comparing.check_cycles.cache_clear()
+    empty = np.zeros((4, 4, 4), np.float32)
+    monkeypatch.setattr(comparing, "render_image", lambda *_: empty)
+    with pytest.raises(RuntimeError, match="renders volumes as empty"):
+        bpy.ops.volillum.compare()
+    assert not Path(small.volillum.directory).exists()
 
 
 def beside(scene: bpy.types.Scene) -> Work[Any]:

@@ -25,7 +25,12 @@ class Window:
         self.status: list[str | None] = []
         self.timers = 0
         self.handlers = 0
-        area = SimpleNamespace(type="VIEW_3D", tag_redraw=lambda: None)
+        self.redrawn: set[str] = set()
+        regions = [
+            SimpleNamespace(type=kind, tag_redraw=lambda kind=kind: self.redrawn.add(kind))
+            for kind in ("WINDOW", "UI")
+        ]
+        area = SimpleNamespace(type="VIEW_3D", regions=regions)
         self.window = SimpleNamespace(screen=SimpleNamespace(areas=[area]))
         self.workspace = SimpleNamespace(status_text_set=self.status.append)
         self.window_manager = self
@@ -113,6 +118,7 @@ def test_escape_cancels_and_nothing_is_finished() -> None:
     assert operator.modal(window, MOUSE) == {"PASS_THROUGH"}
     assert operator.modal(window, TICK) == {"PASS_THROUGH"}
     assert window.status[-1].startswith("Trial:   0 %")
+    assert window.redrawn == {"UI"}  # the view may be slow to draw
     assert operator.modal(window, ESCAPE) == {"RUNNING_MODAL"}
     assert tick_until_over(operator, window) == {"CANCELLED"}
     assert operator.finished == []

@@ -123,10 +123,12 @@ def stop() -> None:
 
 
 def _show(context: bpy.types.Context, text: str | None) -> None:
-    """The line at the bottom of the window, and the panel's progress bar."""
+    """The line at the bottom of the window, and the panel's progress bar; not the view itself,
+    which may be slow to draw."""
     if context.workspace is not None:
         context.workspace.status_text_set(text)
     for window in context.window_manager.windows:
         for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
+            for region in area.regions:
+                if (area.type, region.type) == ("VIEW_3D", "UI"):
+                    region.tag_redraw()

@@ -8,7 +8,7 @@ import bpy
 # The widget font of Blender's own themes, at a resolution scale of 1, in pixels.
 FONT, POINTS = 0, 11
 # Of a sidebar's width, this much is no text: its tabs, a panel's margins, a label's padding.
-FRAME, BOX, ICON = 72, 16, 26
+FRAME, BOX, ICON = 62, 16, 26
 # A sidebar's width before the user changes it; and what a text gets at least.
 DEFAULT_WIDTH, NARROWEST = 292, 60
 
