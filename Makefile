@@ -9,7 +9,7 @@ PROJECT := .venv/.project
 NATIVE_SOURCES := $(shell find native -mindepth 1 -name build -prune -o -name __pycache__ -prune -o -print)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup native test demo bench accuracy mutations extension lint format lock clean
+.PHONY: help setup native test demo bench accuracy mutations extension window lint format lock clean
 
 help:
 	@echo "make test       run the tests"
@@ -18,6 +18,7 @@ help:
 	@echo "make accuracy   measure every model's numerical error on real volumes: docs/accuracy.md"
 	@echo "make mutations  plant known faults and check that the tests notice"
 	@echo "make extension  build the Blender extension, dist/*.zip"
+	@echo "make window     use the extension by hand in a real Blender's window (Linux, root)"
 	@echo "make lint       check style, types and formatting"
 	@echo "make format     apply the formatting that lint asks for"
 	@echo "make setup      only set up .venv and the native core, as all of these do by themselves"
@@ -26,6 +27,7 @@ help:
 	@echo
 	@echo "A C++ compiler and CPython 3.13 are needed; PYTHON=... names one that is not found."
 	@echo "VOLILLUM_DATA=... names the folder of third-party volumes; tests that need it skip without."
+	@echo "VOLILLUM_WINDOW_BLENDER=... names the folder of the system that \`make window\` makes once."
 
 setup: $(NATIVE) $(PROJECT)
 
@@ -60,6 +62,9 @@ mutations: setup
 
 extension: setup
 	@$(PYTHON_RUN) tools/build_extension.py
+
+window: extension
+	@$(PYTHON_RUN) -m pytest tests/window $(ARGS)
 
 lint: setup
 	@tools/lint.sh

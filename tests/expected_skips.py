@@ -15,6 +15,7 @@ EXPECTED = {
     "git checkout": "the sources are no git checkout, so that what belongs to them is not known",
     "browser": "there is no Chromium to look at the report with",
     "two processors": "this machine gives the tests one processor only",
+    "real Blender": "no Blender with a window could be had",
     "third-party data": "VOLILLUM_DATA names no folder that holds the third-party volumes",
 }
 PREFIX = "expected skip, "

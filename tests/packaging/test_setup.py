@@ -117,5 +117,5 @@ def test_make_alone_explains_the_targets() -> None:
     text = subprocess.run(
         ["make"], cwd=ROOT, env=environment, capture_output=True, text=True, check=True
     ).stdout
-    for target in ("test", "demo", "bench", "extension", "lint"):
+    for target in ("test", "demo", "bench", "extension", "window", "lint"):
         assert f"make {target} " in text

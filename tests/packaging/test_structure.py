@@ -28,7 +28,7 @@ TREE = {
     "native/include": "volillum/",
     "native/src": "module.cpp bindings/ engines/ exact/ models/",
     "tests": """*.py benchmarks/ bake/ blender/ compare/ core/ hard_cases/ models/ native/
-                mutations/ packaging/ plugins/""",
+                mutations/ packaging/ plugins/ window/""",
 }
 
 

@@ -1,0 +1,40 @@
+"""One system with the extension installed, for all tests of a run."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+from project_files import ROOT
+from window.system import System, find_system
+
+PICTURES = ROOT / "build" / "window" / "pictures"
+
+
+@pytest.fixture(scope="session")
+def system(tmp_path_factory: pytest.TempPathFactory) -> System:
+    """The extension is installed as a user's `blender --command extension install-file` does."""
+    work = tmp_path_factory.mktemp("window")
+    found = find_system(work)
+    (archive,) = (ROOT / "dist").glob("*.zip")
+    shutil.copy2(archive, work / "volillum.zip")
+    done = found.blender(
+        *("--command", "extension", "install-file", "-r", "user_default", "--enable"),
+        "/volillum/volillum.zip",
+    )
+    assert 'Installed "volillum"' in done.stdout, done.stdout + done.stderr
+    shutil.copy2(ROOT / "presets" / "volumes" / "smoke.vdb", work)
+    done = found.blender(
+        *("--command", "volillum", "scene", "/volillum/smoke.vdb", "--preset", "smoke"),
+        *("-o", "/volillum/smoke.blend"),
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return found
+
+
+@pytest.fixture
+def pictures() -> Path:
+    """Where screenshots are kept to be looked at."""
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    return PICTURES

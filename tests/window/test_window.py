@@ -1,0 +1,20 @@
+"""The interface as a user has it: a real Blender, its window, a mouse and keys."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from window.system import System
+
+
+@pytest.mark.parametrize("scenario", ["baking"])
+def test_by_hand(system: System, pictures: Path, scenario: str) -> None:
+    done = system.window("--python", "/volillum/tests/session.py", "--", scenario)
+    for picture in system.work.glob("*.png"):
+        shutil.move(picture, pictures / picture.name)
+    result = system.work / f"{scenario}.json"
+    assert result.is_file(), done.stdout + done.stderr
+    assert json.loads(result.read_text())["error"] is None, done.stdout + done.stderr
