@@ -14,7 +14,13 @@ from trilinear import affine
 from volillum_addon.core.camera import Camera
 from volillum_addon.core.errors import InputError
 from volillum_addon.core.grid import Grid
-from volillum_addon.core.lights import DistantLight, EnvironmentLight, PointLight
+from volillum_addon.core.lights import (
+    AreaLight,
+    DistantLight,
+    EnvironmentLight,
+    PointLight,
+    SpotLight,
+)
 from volillum_addon.core.medium import Medium
 from volillum_addon.core.scene import Scene
 from volillum_addon.models.exact import exact, exact_image
@@ -159,3 +165,83 @@ def test_shadow_propagation_is_black_and_white_without_colour(row: Register) -> 
     found = exact(Scene(with_albedo(medium, 0.5), suns), ROW, point[None], samples=64)
     truth = (2 * math.exp(-0.7) + math.exp(-0.7 / 0.8)) / (4 * math.pi)
     np.testing.assert_allclose(found.value[0], truth, rtol=1e-5)
+
+
+FULL = Operator(
+    "phase", "none", "lights", order=math.inf, rescatter="phase", gathers_emission=True,
+    image_emission=True,
+)  # fmt: skip
+
+
+def test_every_kind_of_light_has_its_fluence(row: Register) -> None:
+    """Where nothing occludes, full scattering sees F / (4 pi) of every light."""
+    row(FULL)
+    values = np.zeros((9, 9, 9), np.float32)
+    values[0, 0, 0] = 1e-9
+    grid = Grid(values, np.eye(4))
+    sky = np.random.default_rng(8).random((6, 12, 3))
+    point = np.array([4.0, 4.0, 4.0])
+    for light in (
+        DistantLight((0, 0, 1), (1, 2, 3), angle=0.5),
+        PointLight((4, 9, 5), (1, 2, 3)),
+        SpotLight((4, 9, 5), (0.1, -1, -0.2), (1, 2, 3), angle=0.9, blend=0.9),
+        AreaLight((4, 9, 5), (0.1, -1, 0), (1, 2, 3)),
+        EnvironmentLight((1, 2, 3)),
+        EnvironmentLight(sky, rotation=np.eye(3)[[1, 2, 0]]),
+    ):
+        found = exact(Scene(Medium(grid, grid), (light,)), ROW, point[None], 4096)
+        truth = light.fluence(point) / (4 * math.pi)
+        assert np.all(np.abs(found.value - truth) < SIGMAS * found.standard_error + 1e-7)
+        assert np.all(found.standard_error < 0.02 * truth)
+
+
+def test_anisotropic_scattering_depends_on_the_view(row: Register) -> None:
+    """Toward the camera by default; forward scattering is brighter against the light."""
+    row(FULL)
+    medium = replace(with_albedo(smooth_random((8, 9, 7), seed=5), 0.5), g=0.6)
+    point = medium.sigma_t.centre
+    eye = point + np.array([3.0, 1.0, -2.0])
+    scene = Scene(medium, (DistantLight((0, 0, 1), 1.0),), Camera(eye, point))
+    default = exact(scene, ROW, point[None])
+    given = exact(scene, ROW, point[None], view=eye - point)
+    assert np.array_equal(default.value, given.value)
+    against, along = (exact(scene, ROW, point[None], view=(0, 0, z)) for z in (-1, 1))
+    assert np.all(against.value > 3 * along.value)
+    with pytest.raises(InputError, match="scene's camera is missing"):
+        exact(replace(scene, camera=None), ROW, point[None])
+    with pytest.raises(InputError, match="view's shape is"):
+        exact(scene, ROW, point[None], view=np.ones((2, 3)))
+
+
+def test_what_the_medium_emits_is_gathered(row: Register) -> None:
+    """A thermal furnace through the scene: white world, emission (1 - albedo) sigma_t."""
+    row(FULL)
+    dark = with_albedo(smooth_random((8, 9, 7), seed=6), 0.25)
+    glow = dark.sigma_t.with_values(dark.sigma_t.values - dark.sigma_s.values)
+    scene = Scene(replace(dark, emission=glow), (EnvironmentLight(1.0),))
+    found = exact(scene, ROW, dark.sigma_t.centre[None], 16384)
+    assert np.all(found.standard_error < 0.02)
+    assert np.all(np.abs(found.value - 1) < SIGMAS * found.standard_error + 1e-5)
+
+
+def test_shadow_propagation_gathers_the_glow(row: Register) -> None:
+    """A grey half space with a red glow of source function e: Q = T + e (1 - T), hue of that."""
+    row(
+        Operator(
+            "phong", "light", "light", math.radians(1), 0.0, gathers_colour=1.0,
+            gathers_emission=True, split="luminance", image_emission=True,
+        )
+    )  # fmt: skip
+    medium, point = half_space(0.7)
+    black = with_albedo(medium, 0.0)
+    glow = np.stack([medium.sigma_t.values, *(0 * medium.sigma_t.values,) * 2], axis=-1)
+    scene = Scene(
+        replace(black, emission=medium.sigma_t.with_values(0.5 * glow)),
+        (DistantLight((0, 0, 1), 4 * math.pi),),
+    )
+    found = exact(scene, ROW, point[None], samples=64)
+    through = math.exp(-0.7)
+    q = through + np.array([0.5, 0, 0]) * (1 - through)
+    # A cone of one degree: its rays are 1 / cos(1 degree) longer at most, 1.5e-4.
+    truth = through * q / (np.array([0.2126, 0.7152, 0.0722]) @ q)
+    np.testing.assert_allclose(found.value[0], truth, rtol=2e-4)

@@ -12,14 +12,31 @@ from numpy.typing import NDArray
 
 from ..core.errors import bad
 from ..core.grid import Grid
+from ..core.lights import (
+    AreaLight,
+    DistantLight,
+    EnvironmentLight,
+    Light,
+    PointLight,
+    SpotLight,
+)
 from ..core.medium import Medium
 from .operator import Operator
 
 Planes = NDArray[np.float32]
 
 
-def native_equation(operator: Operator, medium: Medium) -> dict[str, object]:
+def native_equation(
+    operator: Operator, medium: Medium, lights: tuple[Light, ...]
+) -> dict[str, object]:
     """What `exact_in_scattered` and `exact_image` call `equation`."""
+    if operator.lobe == "phase" and operator.rescatter == "phase" and math.isinf(operator.order):
+        return {
+            "kind": "transported",
+            "g": medium.g,
+            "emission": float(operator.gathers_emission),
+            "lights": [native_light(light, medium.sigma_t) for light in lights],
+        }
     gathers = operator.gathers_colour > 0 or operator.gathers_emission
     if operator.law != "exp":
         return _occluded(operator, medium)
@@ -36,6 +53,48 @@ def native_equation(operator: Operator, medium: Medium) -> dict[str, object]:
     if operator.rescatter == "lobe" and math.isinf(operator.order) and not gathers:
         return {"kind": "scattered"}
     raise bad("the operator", operator, "one that the exact evaluator knows (models/exact.py)")
+
+
+def native_light(light: Light, lattice: Grid) -> dict[str, object]:
+    """A light as the evaluator of full scattering takes it.
+
+    Its share of the effort goes by what of it arrives at the medium, half of all alike: a light
+    that is dark at the centre is still looked for.
+    """
+    if isinstance(light, DistantLight):
+        fluence = light.fluence(lattice.centre)
+        return {
+            "kind": "distant",
+            "colour": fluence,
+            "direction": np.asarray(light.direction),
+            "cos_angle": math.cos(light.angle / 2),
+            "share": 1 + float(fluence.mean()),
+        }
+    if isinstance(light, EnvironmentLight):
+        share = 1 + float(light.fluence(lattice.centre).mean())
+        radiance = np.asarray(light.radiance)
+        if not light.is_image:
+            return {"kind": "constant", "colour": radiance, "share": share}
+        rotation = np.eye(3) if light.rotation is None else np.asarray(light.rotation)
+        return {"kind": "image", "image": radiance, "rotation": rotation, "share": share}
+    assert isinstance(light, PointLight | SpotLight | AreaLight)
+    away = np.asarray(light.position) - lattice.centre
+    size = lattice.corners() - lattice.centre
+    squared = max(float(away @ away), float((size**2).sum(axis=-1).max()))
+    lamp: dict[str, object] = {
+        "kind": "lamp",
+        "colour": np.asarray(light.intensity),
+        "position": np.asarray(light.position),
+        "share": 1 + float(np.asarray(light.intensity).mean()) / squared,
+    }
+    if isinstance(light, PointLight):
+        return lamp | {"shape": "point"}
+    lamp["direction"] = np.asarray(light.direction)
+    if isinstance(light, SpotLight):
+        edge = math.cos(light.angle / 2)
+        return lamp | {"shape": "spot", "cos_angle": edge, "blend": (1 - edge) * light.blend}
+    flat = {"half_width": np.zeros(3), "half_height": np.zeros(3), "ellipse": 0.0}
+    return lamp | {"shape": "flat"} | flat
 
 
 def _occluded(operator: Operator, medium: Medium) -> dict[str, object]:

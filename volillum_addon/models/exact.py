@@ -8,6 +8,8 @@ What is evaluated for an operator (`native/src/exact/`):
     law linear or bounded                    sums along random rays, each ray exact
     light gathers colour or glow on its      quadrature to rounding along random rays, hue and
     way, split or not                        luminance of each
+    order inf, phase function                random walks that seek every kind of light: full
+                                             scattering
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.control import Control
 from ..core.errors import bad
+from ..core.medium import Medium
 from ..core.native import native
 from ..core.scene import Scene
 from .equation import native_equation
@@ -53,12 +56,16 @@ def exact(
     samples: int = 4096,
     seed: int = 0,
     control: Control | None = None,
+    view: ArrayLike | None = None,
     **parameters: object,
 ) -> Estimate:
     """In-scattered radiance of the model's exact solution at world points [n, 3].
 
     `samples` directions or walks a point. Shares no code with the bakes: it is driven by the
     model's operator, marches rays exactly through the trilinear medium and randomises them.
+
+    `view` are unit directions toward the eye, [3] or [n, 3], on which the value depends only where
+    the medium's g counts; None: toward the scene's camera.
 
     Raises InputError where a bounded amount of work cannot follow the light (white, very deep
     media).
@@ -70,15 +77,18 @@ def exact(
     operator = chosen.operator_in(scene, chosen.values(parameters))
     chosen.check(scene)
     trimmed = scene.trimmed(VOID_MARGIN)
-    medium = trimmed.medium
+    medium, lights = trimmed.medium, chosen.represented(trimmed)
+    equation = native_equation(operator, medium, lights)
     return _estimate(
         *native.exact_in_scattered(
             medium.sigma_t.planes(),
             medium.sigma_t.index_to_world,
             where,
-            [t.native() for t in gather_terms(operator, trimmed, chosen.represented(trimmed))],
+            [term.native() for term in gather_terms(operator, trimmed, lights)],
             sigma_s=medium.sigma_s.planes(),
-            equation=native_equation(operator, medium),
+            emission=_emission(medium, operator.gathers_emission),
+            equation=equation,
+            view=_views(scene, where, view) if equation.get("g", 0.0) != 0 else None,
             radius=operator.radius,
             directions=samples,
             replicates=REPLICATES,
@@ -111,18 +121,20 @@ def exact_image(
     chosen.check(scene)
     trimmed = scene.trimmed(VOID_MARGIN)
     medium = trimmed.medium
-    emission = medium.emission if operator.image_emission else None
+    lights = chosen.represented(trimmed)
+    if operator.gathers_emission and not operator.image_emission:
+        raise bad("the operator's emission", "gathered but not in the image", "both or neither")
     return _estimate(
         *native.exact_image(
             medium.sigma_t.planes(),
             medium.sigma_s.planes(),
-            emission.planes() if emission is not None else None,
+            _emission(medium, operator.image_emission),
             medium.sigma_t.index_to_world,
-            [t.native() for t in gather_terms(operator, trimmed, chosen.represented(trimmed))],
+            [term.native() for term in gather_terms(operator, trimmed, lights)],
             scene.need_camera().rays(width, height),
             width,
             height,
-            equation=native_equation(operator, medium),
+            equation=native_equation(operator, medium, lights),
             radius=operator.radius,
             points=points,
             directions=directions,
@@ -132,6 +144,30 @@ def exact_image(
             control=control.native if control else None,
         )
     )
+
+
+def _emission(medium: Medium, wanted: bool) -> NDArray[np.float32] | None:
+    return medium.emission.planes() if wanted and medium.emission is not None else None
+
+
+def _views(
+    scene: Scene, points: NDArray[np.float64], view: ArrayLike | None
+) -> NDArray[np.float64]:
+    """Unit directions toward the eye, [n, 3]."""
+    if view is None:
+        camera = scene.need_camera()
+        toward = np.broadcast_to(-camera.forward, points.shape)
+        if not camera.orthographic:
+            toward = camera.eye - points
+    else:
+        toward = np.asarray(view, np.float64)
+        if toward.shape not in ((3,), points.shape):
+            raise bad("view's shape", toward.shape, f"(3,) or {points.shape}")
+        toward = np.broadcast_to(toward, points.shape)
+    length = np.linalg.norm(toward, axis=-1, keepdims=True)
+    if not np.all(length > 0):
+        raise bad("view", "zero at a point", "directions toward the eye")
+    return np.ascontiguousarray(toward / length)
 
 
 def _estimate(

@@ -103,7 +103,12 @@ def brightness(lights: tuple[Light, ...], centre: NDArray[np.float64]) -> NDArra
 def gather_terms(
     operator: Operator, scene: Scene, lights: tuple[Light, ...]
 ) -> tuple[GatherTerm, ...]:
-    """The operator's lobes in this scene, for the lights that the model represents."""
+    """The operator's lobes in this scene, for the lights that the model represents.
+
+    None where every light comes as it is: full scattering.
+    """
+    if operator.source == "lights":
+        return ()
     cosine = math.cos(operator.theta) if operator.lobe in ("cone", "phong") else -1.0
     centre = scene.medium.sigma_t.centre
     if operator.axis == "view":

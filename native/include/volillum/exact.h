@@ -2,6 +2,7 @@
 // of the engines that it judges. Only the trilinear lookup is shared, and that is tested by itself.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -33,6 +34,28 @@ struct Term {
     std::vector<Vec3> radiance;  // 1, 4, 9 or 16 coefficients, RGB; of a lamp, at distance 1
 };
 
+// A light of full scattering.
+struct Light {
+    // A sun with its disc; a lamp, whose intensity may be shaped; the same radiance from
+    // everywhere; a latitude-longitude image, constant over each pixel, first row up.
+    enum class Kind { distant, lamp, constant, image };
+    Kind kind;
+    Vec3 colour;             // a sun's fluence, a lamp's intensity on its axis, a radiance
+    double share;            // of the effort, more than 0
+    Vec3 position{};         // of a lamp
+    Vec3 direction{};        // toward a sun; in which a shaped lamp shines
+    double cos_angle = 1.0;  // half angle of a sun's disc; edge of a spot
+    // A lamp's intensity over the cosine c with its direction: the same everywhere; smoothstep of
+    // (c - cos_angle) / blend; c of a flat one, which may have the two half extents below.
+    enum class Shape { point, spot, flat } shape = Shape::point;
+    double blend = 0.0;
+    std::array<Vec3, 2> half_extent{};
+    bool ellipse = false;
+    const double *image = nullptr;  // [height][width][3]
+    std::size_t height = 0, width = 0;
+    std::array<Vec3, 3> rotation{};  // rows: from world directions to the image's
+};
+
 // What is solved, beside the terms:
 struct Equation {
     enum class Kind {
@@ -48,6 +71,10 @@ struct Equation {
         // with `split` lambda(B T(x, axis)) mean_lobe gamma(Q): luminance of the axis, hue of the
         // lobe, which has the weight cos^beta
         coloured,
+        // L_i(x, v) = int p(w, v) L(x, w) dw, L = L_lights T + int T (sigma_s L_i + emission) ds
+        // with
+        // Henyey and Greenstein's phase function: every order of scattering, without terms
+        transported,
     };
     Kind kind = Kind::gather;
     std::vector<Term> terms;
@@ -58,6 +85,9 @@ struct Equation {
     // coloured:
     double beta = 0.0, colour = 1.0;
     bool gathers_emission = false, split = false;
+    // transported:
+    std::vector<Light> lights{};
+    double g = 0.0;
 };
 
 struct Sampling {
@@ -86,9 +116,11 @@ struct Results {
 void optical_depth(const Medium &medium, const double *origins, const double *directions,
                    std::size_t count, double radius, int threads, Control *control, double *depth);
 
-// Results at points [count][3]; here `directions` counts all replicates together.
+// Results at points [count][3], seen from directions [count][3] where that matters; here
+// `directions` counts all replicates together.
 void in_scattered(const Medium &medium, const Equation &equation, const double *points,
-                  std::size_t count, const Sampling &sampling, const Results &results);
+                  const double *views, std::size_t count, const Sampling &sampling,
+                  const Results &results);
 
 // Results at pixels [height][width]; here `directions` counts per point of the ray and `points`
 // per replicate. sigma_s must vanish where sigma_t does; `emits`: the emission is in the image.

@@ -94,21 +94,42 @@ OutArray exact_optical_depth(const PlanesArray &sigma_t, const DoubleArray &inde
     return array;
 }
 
+// A unit direction toward the eye for each point; any where the value does not depend on it.
+std::vector<double> views_of(const std::optional<DoubleArray> &view, std::size_t count,
+                             const exact::Equation &equation) {
+    std::vector<double> views(3 * count, 0.0);
+    if (!view && equation.g != 0.0)
+        fail("view is None; a phase function with g = " + std::to_string(equation.g) +
+             " depends on it");
+    if (view && rows_of_three(*view, "view") != count)
+        fail("view has " + std::to_string(view->shape(0)) + " rows; expected one for each of the " +
+             std::to_string(count) + " points");
+    for (std::size_t n = 0; n < count; ++n) {
+        const double *v = view ? view->data() + 3 * n : nullptr;
+        const double norm = v ? length({v[0], v[1], v[2]}) : 1.0;
+        if (!(norm > 0.0)) fail("view[" + std::to_string(n) + "] is zero; expected a direction");
+        for (std::size_t a = 0; a < 3; ++a) views[3 * n + a] = v ? v[a] / norm : double(a == 2);
+    }
+    return views;
+}
+
 nb::tuple exact_in_scattered(const PlanesArray &sigma_t, const DoubleArray &index_to_world,
                              const DoubleArray &points, const nb::list &terms,
                              const std::optional<PlanesArray> &sigma_s,
                              const std::optional<PlanesArray> &emission, const nb::dict &equation,
-                             double radius, std::int64_t directions, std::int64_t replicates,
-                             std::uint64_t seed, bool clamp, int threads, Control *control) {
+                             const std::optional<DoubleArray> &view, double radius,
+                             std::int64_t directions, std::int64_t replicates, std::uint64_t seed,
+                             bool clamp, int threads, Control *control) {
     const exact::Medium medium = medium_of(sigma_t, sigma_s, emission, index_to_world);
     const std::size_t count = rows_of_three(points, "points");
     const EquationReader read(equation, terms, radius, medium);
     const exact::Sampling sampling =
         sampling_of(directions, replicates, seed, clamp, threads, control);
+    const std::vector<double> views = views_of(view, count, read.equation());
     const Outputs outputs({count});
     {
         const nb::gil_scoped_release release;
-        exact::in_scattered(medium, read.equation(), points.data(), count, sampling,
+        exact::in_scattered(medium, read.equation(), points.data(), views.data(), count, sampling,
                             outputs.results);
     }
     return outputs.tuple;
@@ -155,19 +176,20 @@ sigma_t: float32 [c, nx, ny, nz], c = 1 or 3, per world unit. index_to_world: 4 
 origins, directions: float64 [n, 3], world; directions are unit vectors. The depth runs to the
 medium's border (one voxel beyond the border voxels) or to `radius` world units.
 Returns float64 [n, c].)");
-    module.def("exact_in_scattered", &exact_in_scattered, "sigma_t"_a.noconvert(),
-               "index_to_world"_a, "points"_a, "terms"_a, nb::kw_only(),
-               "sigma_s"_a.noconvert().none() = nb::none(),
-               "emission"_a.noconvert().none() = nb::none(), "equation"_a = plain(),
-               "radius"_a = infinity, "directions"_a = 1024, "replicates"_a = 8, "seed"_a = 0,
-               "clamp"_a = false, "threads"_a = 0, "control"_a = nb::none(),
-               R"(In-scattered radiance at points, from the equation itself:
+    module.def(
+        "exact_in_scattered", &exact_in_scattered, "sigma_t"_a.noconvert(), "index_to_world"_a,
+        "points"_a, "terms"_a, nb::kw_only(), "sigma_s"_a.noconvert().none() = nb::none(),
+        "emission"_a.noconvert().none() = nb::none(), "equation"_a = plain(), "view"_a = nb::none(),
+        "radius"_a = infinity, "directions"_a = 1024, "replicates"_a = 8, "seed"_a = 0,
+        "clamp"_a = false, "threads"_a = 0, "control"_a = nb::none(),
+        R"(In-scattered radiance at points, from the equation itself:
 
     gather:     L_i(x) = sum_terms (1 / Omega) int_lobe L(w) exp(-od(x, x + radius w)) dw
     scattered:  L_i(x) = sum_terms L V, V(x) = (1 / Omega) int_lobe [T + int T sigma_s V ds] dw
     occluded:   L_i(x) = L (1 - scale mean_lobe int_0^radius s^(2 - p) occluder(x + s w) ds)
     coloured:   L_i(x) = sum_terms mean_lobe Q, Q = L T + int T (colour sigma_s L + emission) ds,
                 or with split sum_terms lambda(L T(x, axis)) mean_lobe (Q / lambda(Q))
+    transported: L_i(x, v) = int p L dw, L = L_lights T + int T (sigma_s L_i + emission) ds
 
 sigma_t: float32 [c, nx, ny, nz], c = 1 or 3. points: float64 [n, 3], world.
 terms: a list of (axis, toward, cos_theta, radiance). The lobe is the cone of half angle
@@ -181,7 +203,16 @@ equation: a dict of 'kind', and for occluded 'occluder' (float32 [1 or 3, nx, ny
 (float32 [3, ...], world vectors: the lobe is the half space about it where it is not 0; or None:
 the sphere), 'weight_p', 'scale'; for coloured 'beta' (the lobe's weight is cos^beta), 'colour',
 'emission' and 'split' (0 or 1). lambda is Rec. 709 luminance; where lambda(Q) < 1e-6 lambda(L), the
-hue is the light's. scattered and coloured need sigma_s.
+hue is the light's; for transported, which has no terms, 'g', 'emission' and 'lights', a list of
+dicts of 'kind', 'share' of the effort and
+    'distant':  'colour' (fluence), 'direction' toward it, 'cos_angle' of its half angle
+    'lamp':     'colour' (intensity), 'position', 'shape': 'point'; 'spot' with 'direction',
+                'cos_angle' and 'blend', smoothstep of (cos - cos_angle) / blend; 'flat' with
+                'direction', 'half_width' and 'half_height' (vectors, may be 0) and 'ellipse'
+    'constant': 'colour' (radiance)
+    'image':    'image' [h, w, 3], constant over each latitude-longitude pixel, and 'rotation'
+scattered, coloured and transported need sigma_s.
+view: float64 [n, 3], directions toward the eye, needed where g is not 0.
 directions: rays or random walks per point and term in all, shared among `replicates` independent
 randomisations. clamp: values below 0 become 0 (after averaging).
 Returns value and its standard error, float64 [n, 3] each, and float64 [n], the share of the walks'

@@ -93,4 +93,8 @@ VOLILLUM_INLINE Vec3 colour_at(const Field &field, const Cell &cell, const Vec3 
     return rgb;
 }
 
+VOLILLUM_INLINE Vec3 times(const Vec3 &a, const Vec3 &b) {
+    return {a[0] * b[0], a[1] * b[1], a[2] * b[2]};
+}
+
 }  // namespace volillum::exact

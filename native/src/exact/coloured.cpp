@@ -165,7 +165,7 @@ public:
           lobes_(equation.terms.begin(), equation.terms.end()),
           coloured_(body.sigma_t.channels() == 1 ? coloured_grey : coloured_rgb) {}
 
-    Sample estimate(const Vec3 &point, std::size_t first, std::size_t count,
+    Sample estimate(const Vec3 &point, const Vec3 & /*view*/, std::size_t first, std::size_t count,
                     std::uint64_t key) const override {
         Sample sum;
         for (std::size_t term = 0; term < lobes_.size(); ++term)

@@ -23,9 +23,10 @@ struct Sample {
 class Estimator {
 public:
     virtual ~Estimator() = default;
-    // Unbiased but for `neglected`, from samples [first, first + count) of the randomisation `key`.
-    virtual Sample estimate(const Vec3 &point, std::size_t first, std::size_t count,
-                            std::uint64_t key) const = 0;
+    // Toward the unit direction `view`, unbiased but for `neglected`, from samples [first, first +
+    // count) of the randomisation `key`.
+    virtual Sample estimate(const Vec3 &point, const Vec3 &view, std::size_t first,
+                            std::size_t count, std::uint64_t key) const = 0;
 };
 
 // Both hold on to what they are given.
@@ -33,9 +34,11 @@ std::unique_ptr<Estimator> gather(const Body &body, const Equation &equation);
 std::unique_ptr<Estimator> scattered(const Body &body, const Equation &equation);
 std::unique_ptr<Estimator> occluded(const Body &body, const Equation &equation);
 std::unique_ptr<Estimator> coloured(const Body &body, const Equation &equation);
+std::unique_ptr<Estimator> transported(const Body &body, const Equation &equation);
 
 inline std::unique_ptr<Estimator> estimator(const Body &body, const Equation &equation) {
-    constexpr std::array makers = {gather, scattered, occluded, coloured};  // as in Kind
+    constexpr std::array makers = {gather, scattered, occluded, coloured,
+                                   transported};  // as in Kind
     return makers[std::size_t(equation.kind)](body, equation);
 }
 

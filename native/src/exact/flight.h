@@ -7,9 +7,10 @@
 
 namespace volillum::exact {
 
+// Where a flight ended: at a collision, or at the end of the last piece with matter.
 struct Collision {
     bool happened = false;
-    double t = 0.0;
+    double t = 0.0, depth = 0.0;
     Cell cell{};
 };
 
@@ -54,34 +55,50 @@ VOLILLUM_INLINE double invert_integral(const std::array<double, 4> &c, double ta
 template <std::size_t Channels, class Passed>
 VOLILLUM_INLINE Collision fly(const Body &body, const LatticeRay &ray, double t_max, double target,
                               std::size_t channel, Passed &&passed) {
-    double depth = 0.0;
     Collision collision;
     walk_cells(body.bricks, ray, t_max, [&](const Cell &cell, double t0, double t1) {
         const double gain = cell_depth<Channels>(body.sigma_t, ray, cell, t0, t1, channel);
-        if (depth + gain <= target) {
-            depth += gain;
+        collision.cell = cell;
+        if (collision.depth + gain <= target) {
+            collision.depth += gain;
+            collision.t = t1;
             passed(cell, t0, t1);
             return true;
         }
         const auto cubic = piece_cubic<Channels>(body.sigma_t, ray, cell, t0, t1, channel);
+        const double rest = (target - collision.depth) / (t1 - t0);
         collision.happened = true;
-        collision.t = t0 + (t1 - t0) * invert_integral(cubic, (target - depth) / (t1 - t0));
-        collision.cell = cell;
+        collision.t = t0 + (t1 - t0) * invert_integral(cubic, rest);
+        collision.depth = target;
         passed(cell, t0, collision.t);
         return false;
     });
     return collision;
 }
 
-// sigma_s / sigma_t where a collision with `channel` happened, per colour.
+template <std::size_t Channels>
+VOLILLUM_INLINE double sigma_t_at(const Body &body, const LatticeRay &ray,
+                                  const Collision &collision, std::size_t channel) {
+    std::array<double, Channels> sigma_t;
+    body.sigma_t.interpolate(collision.cell, ray.at(collision.t), sigma_t.data());
+    return sigma_t[channel];
+}
+
+// What scatters where a flight of `channel` ended: of grey extinction all colours, otherwise that
+// one colour three times.
+template <std::size_t Channels>
+VOLILLUM_INLINE Vec3 sigma_s_at(const Body &body, const LatticeRay &ray, const Collision &collision,
+                                std::size_t channel) {
+    const Vec3 rgb = colour_at(*body.sigma_s, collision.cell, ray.at(collision.t));
+    return Channels == 1 ? rgb : Vec3{rgb[channel], rgb[channel], rgb[channel]};
+}
+
 template <std::size_t Channels>
 VOLILLUM_INLINE Vec3 albedo_at(const Body &body, const LatticeRay &ray, const Collision &collision,
                                std::size_t channel) {
-    const Vec3 q = ray.at(collision.t);
-    std::array<double, Channels> sigma_t;
-    body.sigma_t.interpolate(collision.cell, q, sigma_t.data());
-    if (!(sigma_t[channel] > 0.0)) return {};  // rounding at the very edge of matter
-    return (1.0 / sigma_t[channel]) * colour_at(*body.sigma_s, collision.cell, q);
+    const double sigma_t = sigma_t_at<Channels>(body, ray, collision, channel);
+    if (!(sigma_t > 0.0)) return {};  // rounding at the very edge of matter
+    return (1.0 / sigma_t) * sigma_s_at<Channels>(body, ray, collision, channel);
 }
 
 // Russian roulette: walks of little weight end, or go on with the weight of those that ended.

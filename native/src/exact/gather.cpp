@@ -50,7 +50,7 @@ public:
           radius_(equation.radius),
           gather_(body.sigma_t.channels() == 1 ? gather_grey : gather_rgb) {}
 
-    Sample estimate(const Vec3 &point, std::size_t first, std::size_t count,
+    Sample estimate(const Vec3 &point, const Vec3 & /*view*/, std::size_t first, std::size_t count,
                     std::uint64_t key) const override {
         Sample sample;
         for (std::size_t term = 0; term < lobes_.size(); ++term)

@@ -165,9 +165,9 @@ void image(const Medium &medium, const Equation &equation, bool emits, const Ima
                                           fraction(stratum + jitter), fraction(stratum + shift));
             sum.radiance = sum.radiance + point.emitted;
             if (!(largest(point.scattering.weight) > 0.0)) continue;
-            const Sample sample =
-                solution->estimate(point.origin + point.scattering.t * point.direction,
-                                   i * sampling.directions, sampling.directions, hash(key, 3));
+            const Sample sample = solution->estimate(
+                point.origin + point.scattering.t * point.direction, -1.0 * point.direction,
+                i * sampling.directions, sampling.directions, hash(key, 3));
             for (std::size_t c = 0; c < 3; ++c)
                 sum.radiance[c] +=
                     point.scattering.weight[c] *

@@ -4,17 +4,19 @@
 namespace volillum::exact {
 
 void in_scattered(const Medium &medium, const Equation &equation, const double *points,
-                  std::size_t count, const Sampling &sampling, const Results &results) {
+                  const double *views, std::size_t count, const Sampling &sampling,
+                  const Results &results) {
     const Body body(medium, equation);
     const auto solution = estimator(body, equation);
     const std::size_t each = (sampling.directions + sampling.replicates - 1) / sampling.replicates;
     parallel_for(count, sampling.threads, sampling.control, [&](std::size_t n, int) {
         const Vec3 point = {points[3 * n], points[3 * n + 1], points[3 * n + 2]};
+        const Vec3 view = {views[3 * n], views[3 * n + 1], views[3 * n + 2]};
         const std::uint64_t key = hash(sampling.seed, n);
         Replicates replicates;
         double neglected = 0.0;
         for (std::size_t r = 0; r < sampling.replicates; ++r) {
-            const Sample sample = solution->estimate(point, 0, each, hash(key, r));
+            const Sample sample = solution->estimate(point, view, 0, each, hash(key, r));
             replicates.add(sample.radiance);
             neglected += sample.neglected;
         }

@@ -97,7 +97,7 @@ public:
           radius_(equation.radius),
           scale_(equation.scale) {}
 
-    Sample estimate(const Vec3 &point, std::size_t first, std::size_t count,
+    Sample estimate(const Vec3 &point, const Vec3 & /*view*/, std::size_t first, std::size_t count,
                     std::uint64_t key) const override {
         const Vec3 occlusion = mean_occlusion(body_, rule_, radius_, point, first, count, key);
         Sample sample;
