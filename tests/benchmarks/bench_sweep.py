@@ -1,12 +1,15 @@
-"""Time of the directional sweep beside a copy of the grid, in one run.
+"""Time of the directional sweep beside a copy of the grid, in one run, and its error.
 
     python tests/benchmarks/bench_sweep.py [--size 256] [--threads 2] [--json]
 
-Prints nanoseconds per voxel and direction, and the ratio to a copy of the grid by as many threads.
-Copy and sweeps write to existing arrays; `copy new` and `into a new array` show what the system's
-new pages add. Medians of the repeats after a warm-up. The machine's noise is in the quartiles of
+Prints nanoseconds per voxel and direction, the ratio to a copy of the grid by as many threads, and
+the relative RMS error of what was computed, at random voxels against exact line integrals through
+the same smooth medium. Copy and sweeps write to existing arrays; `copy, new` and `into a new array`
+show what the system's new pages add. Medians of the repeats after a warm-up; their quartiles are in
 the JSON output.
 """
+
+from __future__ import annotations
 
 import argparse
 import json
@@ -19,10 +22,15 @@ from numpy.typing import NDArray
 
 import volillum_native
 
+Directions = NDArray[np.float64]
+Volume = NDArray[np.float32]
 IDENTITY = np.eye(4)
+CONE_HALF_ANGLE = np.radians(30)
+OPTICAL_SIDE = 4.0
+ERROR_RAYS = 40_000  # enough for two digits of the RMS; spread over voxels and directions
 
 
-def fibonacci_directions(count: int) -> NDArray[np.float64]:
+def sphere_directions(count: int) -> Directions:
     """`count` / 2 directions spread over the half sphere, each followed by its opposite."""
     half = (count + 1) // 2
     z = (np.arange(half) + 0.5) / half
@@ -30,6 +38,46 @@ def fibonacci_directions(count: int) -> NDArray[np.float64]:
     radius = np.sqrt(1 - z * z)
     upper = np.stack([radius * np.cos(phi), radius * np.sin(phi), z], axis=1)
     return np.ascontiguousarray(np.stack([upper, -upper], axis=1).reshape(-1, 3)[:count])
+
+
+def cone_directions(count: int, axis: NDArray[np.float64]) -> Directions:
+    """Directions spread evenly over the solid angle of a cone."""
+    axis = axis / np.linalg.norm(axis)
+    across = np.cross(axis, np.roll(axis, 1))
+    across /= np.linalg.norm(across)
+    other = np.cross(axis, across)
+    cosine = 1 - (1 - np.cos(CONE_HALF_ANGLE)) * (np.arange(count) + 0.5) / count
+    sine, phi = np.sqrt(1 - cosine**2), np.pi * (1 + 5**0.5) * np.arange(count)
+    return np.ascontiguousarray(
+        np.outer(cosine, axis)
+        + np.outer(sine * np.cos(phi), across)
+        + np.outer(sine * np.sin(phi), other)
+    )
+
+
+def smooth_medium(size: int) -> Volume:
+    """Waves of about a quarter of the side, not negative, of the mean optical side OPTICAL_SIDE."""
+    x = (np.arange(size, dtype=np.float32) + 0.5) / size
+    waves = [np.sin(2 * np.pi * (k * x + phase)) for k, phase in ((3, 0.1), (4, 0.35), (5, 0.6))]
+    product = waves[0][:, None, None] * waves[1][None, :, None] * waves[2][None, None, :]
+    return np.ascontiguousarray((1 + product) * np.float32(OPTICAL_SIDE / size), dtype=np.float32)
+
+
+def relative_error(
+    sigma_t: Volume, directions: Directions, weights: NDArray[np.float32], found: Volume
+) -> float:
+    """Relative RMS error of weighted sums of transmittance [c, nx, ny, nz] at random voxels."""
+    count = max(50, ERROR_RAYS // len(directions))
+    voxels = np.random.default_rng(2).integers(0, sigma_t.shape[0], (count, 3))
+    depth = volillum_native.exact_optical_depth(
+        sigma_t[None],
+        IDENTITY,
+        np.repeat(voxels.astype(np.float64), len(directions), axis=0),
+        np.tile(directions, (count, 1)),
+    )
+    truth = np.exp(-depth).reshape(count, len(directions)) @ weights.astype(np.float64)
+    error = found[:, voxels[:, 0], voxels[:, 1], voxels[:, 2]].T - truth
+    return float(np.sqrt(np.mean(error**2) / np.mean(truth**2)))
 
 
 def measure(work: Callable[[], object], repeats: int) -> NDArray[np.float64]:
@@ -42,6 +90,108 @@ def measure(work: Callable[[], object], repeats: int) -> NDArray[np.float64]:
     return np.array(seconds)
 
 
+class Benchmark:
+    def __init__(self, size: int, threads: int, repeats: int, as_json: bool) -> None:
+        self.threads, self.repeats, self.as_json = threads, repeats, as_json
+        self.sigma_t = smooth_medium(size)
+        self.copy_seconds = 1.0
+
+    def copies(self) -> None:
+        target = np.zeros_like(self.sigma_t)
+        slabs = np.array_split(np.arange(len(target)), self.threads)
+        with ThreadPoolExecutor(self.threads) as pool:
+
+            def part(rows: NDArray[np.int64]) -> None:
+                inside = slice(rows[0], rows[-1] + 1)
+                np.copyto(target[inside], self.sigma_t[inside])
+
+            seconds = measure(lambda: list(pool.map(part, slabs)), 4 * self.repeats + 1)
+        self.copy_seconds = float(np.median(seconds))
+        self.report("copy", None, 1, 1, seconds, None)
+        new = measure(self.sigma_t.copy, 2 * self.repeats + 1)
+        self.report("copy, new", None, 1, 1, new, None)
+
+    def sweep(
+        self, name: str, directions: Directions, channels: int, near: int, new: bool = False
+    ) -> tuple[NDArray[np.float64], float]:
+        """Times a sweep and returns its seconds and its error."""
+        count = len(directions)
+        weights = np.full((count, channels), 1 / count, np.float32)
+        weights[:, 1:] *= np.random.default_rng(1).uniform(0.5, 1, (count, channels - 1))
+        out = np.zeros((channels, *self.sigma_t.shape), np.float32)
+
+        def work() -> object:
+            return volillum_native.sweep(
+                self.sigma_t,
+                IDENTITY,
+                directions,
+                weights,
+                near_slices=near,
+                threads=self.threads,
+                out=None if new else out,
+            )
+
+        seconds = measure(work, self.repeats)
+        error = 0.0 if new else relative_error(self.sigma_t, directions, weights, out)
+        self.report(name, near, count, channels, seconds, None if new else error)
+        return seconds, error
+
+    def report(
+        self,
+        name: str,
+        near: int | None,
+        count: int,
+        channels: int,
+        seconds: NDArray[np.float64],
+        error: float | None,
+    ) -> None:
+        size = self.sigma_t.shape[0]
+        per_direction = seconds / (self.sigma_t.size * count) * 1e9
+        low, middle, high = np.percentile(per_direction, [25, 50, 75])
+        median = float(np.median(seconds))
+        ratio = median / count / self.copy_seconds
+        if self.as_json:
+            row = {
+                "case": name,
+                "near_slices": near,
+                "directions": count,
+                "channels": channels,
+                "size": size,
+                "threads": self.threads,
+                "instructions": volillum_native.instruction_set(),
+                "seconds": median,
+                "ns_per_voxel_direction": middle,
+                "quartiles": [low, high],
+                "ratio_to_copy": ratio,
+                "relative_rms_error": error,
+            }
+            print(json.dumps(row), flush=True)
+            return
+        label = "-" if near is None else str(near)
+        shown = "" if error is None else f"   error {error:.1e}"
+        print(
+            f"{name:28} near {label:>2}  {median * 1e3:9.1f} ms "
+            f"{middle:8.3f} ns/voxel/direction {ratio:7.2f} x copy{shown}",
+            flush=True,
+        )
+
+    def single_directions(self, near: int) -> None:
+        tilts = {"straight": (0.0, 0.0), "tilted": (0.35, 0.2), "oblique": (0.8, -0.6)}
+        seconds, errors = [], []
+        for axis in range(3):
+            for tilt, (first, second) in tilts.items():
+                vector = np.roll(np.array([1.0, first, second]), axis)
+                direction = (vector / np.linalg.norm(vector))[None]
+                name = f"1 direction, {'ijk'[axis]}, {tilt}"
+                found = self.sweep(name, direction, 1, near)
+                seconds.append(found[0])
+                errors.append(found[1])
+        mean_error = float(np.sqrt(np.mean(np.square(errors))))
+        self.report("1 direction, mean of all", near, 1, 1, np.mean(seconds, axis=0), mean_error)
+        straight = np.array([[1.0, 0.0, 0.0]])
+        self.sweep("1 direction, into a new array", straight, 1, near, new=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description="Time the directional sweep.")
     parser.add_argument("--size", type=int, default=256, help="voxels along each axis")
@@ -49,109 +199,14 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--json", action="store_true", help="one JSON object a line")
     options = parser.parse_args()
-    size, threads, repeats = options.size, options.threads, options.repeats
-
-    random = np.random.default_rng(1)
-    sigma_t = (random.random((size,) * 3, dtype=np.float32) * np.float32(4 / size)).astype("f4")
-    target = np.zeros_like(sigma_t)
-    voxels = sigma_t.size
-    slabs = np.array_split(np.arange(size), threads)
-    with ThreadPoolExecutor(threads) as pool:
-
-        def copy() -> None:
-            def part(rows: NDArray[np.int64]) -> None:
-                np.copyto(target[rows[0] : rows[-1] + 1], sigma_t[rows[0] : rows[-1] + 1])
-
-            list(pool.map(part, slabs))
-
-        copy_seconds = float(np.median(measure(copy, 2 * repeats + 1)))
-
-    def report(
-        name: str, near: int | None, count: int, channels: int, seconds: NDArray[np.float64]
-    ) -> None:
-        per_direction = seconds / (voxels * count) * 1e9
-        low, middle, high = np.percentile(per_direction, [25, 50, 75])
-        ratio = float(np.median(seconds)) / count / copy_seconds
-        row = {
-            "case": name,
-            "near_slices": near,
-            "directions": count,
-            "channels": channels,
-            "size": size,
-            "threads": threads,
-            "seconds": float(np.median(seconds)),
-            "ns_per_voxel_direction": middle,
-            "quartiles": [low, high],
-            "ratio_to_copy": ratio,
-        }
-        if options.json:
-            print(json.dumps(row), flush=True)
-        else:
-            label = "-" if near is None else str(near)
-            print(
-                f"{name:28} near {label:>2}  {np.median(seconds) * 1e3:9.1f} ms "
-                f"{middle:8.3f} ns/voxel/direction {ratio:7.2f} x copy",
-                flush=True,
-            )
-
-    report("copy", None, 1, 1, np.array([copy_seconds]))
-    report("copy new", None, 1, 1, measure(lambda: sigma_t.copy(), 2 * repeats + 1))
-
-    one = np.ones((1, 1), np.float32)
-    tilts = {"straight": (0.0, 0.0), "tilted": (0.35, 0.2), "oblique": (0.8, -0.6)}
+    benchmark = Benchmark(options.size, options.threads, options.repeats, options.json)
+    benchmark.copies()
     for near in (0, 4):
-        totals = []
+        benchmark.single_directions(near)
         for axis in range(3):
-            for tilt, (first, second) in tilts.items():
-                vector = np.roll(np.array([1.0, first, second]), axis)
-                direction = (vector / np.linalg.norm(vector))[None]
-
-                def single(direction: NDArray[np.float64] = direction, near: int = near) -> object:
-                    return volillum_native.sweep(
-                        sigma_t,
-                        IDENTITY,
-                        direction,
-                        one,
-                        near_slices=near,
-                        threads=threads,
-                        out=target[None],
-                    )
-
-                seconds = measure(single, repeats)
-                totals.append(seconds)
-                report(f"1 direction, {'ijk'[axis]}, {tilt}", near, 1, 1, seconds)
-        report("1 direction, mean of all", near, 1, 1, np.mean(totals, axis=0))
-
-        def new(direction: NDArray[np.float64] = direction, near: int = near) -> object:
-            return volillum_native.sweep(
-                sigma_t, IDENTITY, direction, one, near_slices=near, threads=threads
-            )
-
-        report("the last, into a new array", near, 1, 1, measure(new, repeats))
-        for count, channels in ((64, 1), (66, 16)):
-            directions = fibonacci_directions(count)
-            weights = random.normal(size=(count, channels)).astype(np.float32)
-            out = np.zeros((channels, *sigma_t.shape), np.float32)
-
-            def many(
-                directions: NDArray[np.float64] = directions,
-                weights: NDArray[np.float32] = weights,
-                near: int = near,
-                out: NDArray[np.float32] = out,
-            ) -> object:
-                return volillum_native.sweep(
-                    sigma_t,
-                    IDENTITY,
-                    directions,
-                    weights,
-                    near_slices=near,
-                    threads=threads,
-                    out=out,
-                )
-
-            report(
-                f"{count} directions x {channels}", near, count, channels, measure(many, repeats)
-            )
+            directions = cone_directions(64, np.roll(np.array([1.0, 0.3, 0.2]), axis))
+            benchmark.sweep(f"cone of 64 about {'ijk'[axis]}", directions, 1, near)
+        benchmark.sweep("sphere of 66 x 16", sphere_directions(66), 16, near)
 
 
 if __name__ == "__main__":

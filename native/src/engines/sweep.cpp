@@ -3,11 +3,11 @@
 #include "volillum/sweep.h"
 
 #include <atomic>
-#include <memory>
 #include <thread>
 
 #include "sweep_lattice.h"
 #include "sweep_weights.h"
+#include "volillum/huge_pages.h"
 #include "volillum/parallel.h"
 
 namespace volillum {
@@ -17,8 +17,7 @@ namespace {
 // What a thread keeps between tiles.
 struct Workspace {
     Block block, tail;
-    RaySums sums;
-    Scratch scratch;
+    Scratch march;
     std::vector<int> active;
     Reals values, weights, plane;
 };
@@ -40,10 +39,9 @@ public:
         std::size_t directions_done = 0;
         workspaces_.resize(std::size_t(thread_count(settings_.threads)));
         for (const Pass &pass : passes) {
-            if (pass.frame.transposed() && !transposed_) transpose_medium();
-            if (!pass.frame.transposed() && transposed_) transpose_output();
-            // The lattice planes of all directions at once may take as much as the grid.
-            const std::size_t at_once = directions_at_once(pass.frame);
+            if (pass.frame.transposed() && transposed_.empty()) transpose_medium();
+            if (!pass.frame.transposed() && !transposed_.empty()) transpose_output();
+            const std::size_t at_once = directions_at_once(pass);
             for (std::size_t first = 0; first < pass.directions.size(); first += at_once) {
                 const std::size_t end = std::min(first + at_once, pass.directions.size());
                 const Pass part{pass.frame,
@@ -55,20 +53,21 @@ public:
                 directions_done += end - first;
             }
         }
-        if (transposed_) transpose_output();
+        if (!transposed_.empty()) transpose_output();
     }
 
 private:
     // Passes along k see all arrays with j and k exchanged: sigma_t in a copy, the output in its
     // own memory, plane by plane, exchanged back when they are done.
     void transpose_medium() {
-        transposed_ = std::make_unique_for_overwrite<Real[]>(std::size_t(voxels()));
+        transposed_.resize(std::size_t(voxels()));
         const std::ptrdiff_t plane = voxels() / scene_.shape[0];
         parallel_for(std::size_t(scene_.shape[0]), settings_.threads, nullptr,
-                     [&](std::size_t i, int) {
+                     [&](std::size_t i, int thread) {
                          const std::ptrdiff_t offset = std::ptrdiff_t(i) * plane;
                          transpose(scene_.sigma_t + offset, scene_.shape[1], scene_.shape[2],
-                                   transposed_.get() + offset);
+                                   workspaces_[std::size_t(thread)].plane,
+                                   transposed_.data() + offset);
                      });
     }
     void transpose_output() {
@@ -76,32 +75,35 @@ private:
         parallel_for(std::size_t(scene_.shape[0]) * std::size_t(weights_.channels()),
                      settings_.threads, nullptr, [&](std::size_t item, int thread) {
                          Real *values = out_ + std::ptrdiff_t(item) * plane;
-                         Reals &copy = workspaces_[std::size_t(thread)].plane;
-                         copy.assign(values, values + plane);
-                         transpose(copy.data(), scene_.shape[2], scene_.shape[1], values);
+                         transpose(values, scene_.shape[2], scene_.shape[1],
+                                   workspaces_[std::size_t(thread)].plane, values);
                      });
         for (Workspace &space : workspaces_) space.plane = Reals();
-        transposed_.reset();
+        transposed_ = HugeReals();
     }
     std::ptrdiff_t voxels() const {
         return std::ptrdiff_t(scene_.shape[0]) * scene_.shape[1] * scene_.shape[2];
     }
+
     const Real *sigma_t(const Frame &frame) const {
-        return frame.transposed() ? transposed_.get() : scene_.sigma_t;
+        return frame.transposed() ? transposed_.data() : scene_.sigma_t;
     }
 
-    std::size_t directions_at_once(const Frame &frame) const {
-        const std::size_t planes = LatticePlanes::reals(frame);
-        const std::size_t grid =
-            std::size_t(frame.slices) * std::size_t(frame.rows) * std::size_t(frame.columns);
-        return std::max<std::size_t>(1, grid / planes);
+    // The lattice planes of all directions at once may take as much as the grid; more directions
+    // come in equal parts.
+    std::size_t directions_at_once(const Pass &pass) const {
+        const std::size_t count = pass.directions.size();
+        const std::size_t most =
+            std::max<std::size_t>(1, std::size_t(voxels()) / LatticePlanes::reals(pass.frame));
+        const std::size_t parts = (count + most - 1) / most;
+        return (count + parts - 1) / parts;
     }
 
     void march_pass(const Pass &pass, double progress_begin, double progress_end) {
         const Tiling tiling(pass.frame, pass.directions.size());
         std::vector<LatticePlanes> planes(pass.directions.size());
         if (tiling.slabs > 1)
-            for (LatticePlanes &plane : planes) plane.resize(pass.frame);
+            for (LatticePlanes &plane : planes) plane.resize(tiling);
         const Needs needs(pass, tiling, weights_);
         const std::size_t tiles = std::size_t(tiling.row_tiles) * std::size_t(tiling.column_tiles);
         const std::size_t items = tiles * std::size_t(tiling.slabs);
@@ -140,86 +142,147 @@ private:
 
     bool cancelled() const { return settings_.control && settings_.control->cancelled(); }
 
+    // One tile of a pass, and what a thread needs to march through it.
+    struct Tile {
+        const Pass &pass;
+        const Tiling &tiling;
+        const Needs &needs;
+        std::vector<LatticePlanes> &planes;
+        int slab, index;
+        Box box;
+        bool filled;  // whether sigma_t differs from 0 anywhere in its reach
+        Workspace &space;
+        Need need(std::size_t direction) const { return needs.of(slab, index, direction); }
+    };
+
     void march_tile(const Pass &pass, const Tiling &tiling, const Needs &needs,
-                    std::vector<LatticePlanes> &planes, int slab, int tile, Workspace &space) {
-        const Box box = tiling.box(slab, tile);
-        if (!needs.any(slab, tile)) {
-            if (!written_) clear(pass.frame, box);
-            return;
-        }
+                    std::vector<LatticePlanes> &planes, int slab, int index, Workspace &space) {
+        const Box box = tiling.box(slab, index);
         const bool filled =
+            needs.any(slab, index) &&
             space.block.load(pass.frame, sigma_t(pass.frame), largest_, tiling.reach(box, pass));
-        const int lanes = round_up(box.columns.size());
-        const std::size_t tile_voxels = std::size_t(box.slices.size() * box.rows.size() * lanes);
-        space.values.resize(tile_voxels *
-                            std::min(std::size_t(tiling.batch), pass.directions.size()));
-        bool add = written_;
-        for (std::size_t first = 0; first < pass.directions.size();
-             first += std::size_t(tiling.batch)) {
-            const std::size_t end =
-                std::min(first + std::size_t(tiling.batch), pass.directions.size());
-            space.active.clear();
-            for (std::size_t d = first; d < end; ++d) {
-                const Need need = needs.of(slab, tile, d);
-                if (need == Need::nothing) continue;
-                Real *values = nullptr;
-                if (need == Need::values) {
-                    values = space.values.data() + tile_voxels * space.active.size();
-                    space.active.push_back(pass.directions[d].index);
-                }
-                march_direction(pass, d, box, tiling, filled, slab, planes[d], values, space);
-            }
-            if (space.active.empty()) continue;
-            weights_.sum({pass.frame, box, space.active, space.values.data(), tile_voxels, lanes},
-                         add, space.weights, out_, voxels());
-            add = true;
+        const Tile tile{pass, tiling, needs, planes, slab, index, box, filled, space};
+        if (weights_.single(0))
+            sum_at_once(tile);
+        else
+            sum_batches(tile);
+    }
+
+    // One weight a direction: each adds itself to the output.
+    void sum_at_once(const Tile &tile) {
+        Rows rows = output(tile);
+        double in_the_clear = 0;  // the sum over directions along which there is nothing
+        for (std::size_t d = 0; d < tile.pass.directions.size(); ++d) {
+            if (tile.need(d) == Need::nothing) continue;
+            Rows of_direction = rows;
+            if (tile.need(d) == Need::sums) of_direction.first = nullptr;
+            const Real weight = *weights_.single(tile.pass.directions[d].index);
+            const bool marched = march_direction(tile, d, weight, of_direction);
+            if (!of_direction.first) continue;
+            if (marched)
+                rows.add = true;
+            else
+                in_the_clear += weight * empty_value();
         }
-        if (!add) clear(pass.frame, box);
+        if (in_the_clear != 0 || !rows.add) fill(tile.box, Real(in_the_clear), rows);
     }
 
-    // The first pass writes every voxel, also those that no direction counts for.
-    void clear(const Frame &frame, const Box &box) {
-        for (int channel = 0; channel < weights_.channels(); ++channel)
-            for (int t = box.slices.begin; t < box.slices.end; ++t)
-                for (int b = box.rows.begin; b < box.rows.end; ++b)
-                    std::fill_n(out_ + channel * voxels() + frame.element(t, b, box.columns.begin),
-                                box.columns.size(), Real(0));
+    // Some directions' values first, and then their weighted sums: each number of the output is
+    // touched once a batch, and each value serves all channels.
+    void sum_batches(const Tile &tile) {
+        const std::vector<Direction> &directions = tile.pass.directions;
+        const std::size_t batch = std::size_t(tile.tiling.batch);
+        const std::ptrdiff_t lanes = round_up(tile.box.columns.size());
+        // Slices and directions a little apart: many rows at a distance of 2^n would evict each
+        // other from the cache.
+        const std::ptrdiff_t slice_pitch = lanes * tile.box.rows.size() + kLanes;
+        const std::ptrdiff_t pitch = slice_pitch * tile.box.slices.size() + lanes;
+        tile.space.values.resize(std::size_t(pitch) * std::min(batch, directions.size()));
+        const Rows values{tile.space.values.data(),
+                          tile.box.slices.begin,
+                          tile.box.rows.begin,
+                          slice_pitch,
+                          lanes,
+                          pitch,
+                          false};
+        Rows rows = output(tile);
+        for (std::size_t first = 0; first < directions.size(); first += batch) {
+            std::vector<int> &active = tile.space.active;
+            active.clear();
+            for (std::size_t d = first; d < std::min(first + batch, directions.size()); ++d) {
+                if (tile.need(d) == Need::nothing) continue;
+                Rows of_direction = values;
+                of_direction.first += pitch * std::ptrdiff_t(active.size());
+                if (tile.need(d) == Need::sums) of_direction.first = nullptr;
+                const bool marched = march_direction(tile, d, 1, of_direction);
+                if (!of_direction.first) continue;
+                if (!marched) fill(tile.box, empty_value(), of_direction);
+                active.push_back(directions[d].index);
+            }
+            if (active.empty()) continue;
+            weights_.sum({tile.pass.frame, tile.box, active, values}, tile.space.weights, rows);
+            rows.add = true;
+        }
+        for (int channel = 0; !rows.add && channel < weights_.channels(); ++channel) {
+            fill(tile.box, 0, rows);
+            rows.first += voxels();
+        }
     }
 
-    void march_direction(const Pass &pass, std::size_t d, const Box &box, const Tiling &tiling,
-                         bool filled, int slab, LatticePlanes &planes, Real *values,
-                         Workspace &space) {
+    Rows output(const Tile &tile) const {
+        const Frame &frame = tile.pass.frame;
+        const Box &box = tile.box;
+        return {out_ + frame.element(box.slices.begin, box.rows.begin, box.columns.begin),
+                box.slices.begin,
+                box.rows.begin,
+                frame.slice_stride,
+                frame.row_stride,
+                voxels(),
+                written_};
+    }
+
+    // What the quantity is where there is nothing.
+    Real empty_value() const { return settings_.quantity == Quantity::transmittance ? 1 : 0; }
+
+    static void fill(const Box &box, Real value, const Rows &rows) {
+        for (int t = box.slices.begin; t < box.slices.end; ++t)
+            for (int b = box.rows.begin; b < box.rows.end; ++b)
+                emit_constant(value, box.columns.size(), rows.add, rows.at(t, b));
+    }
+
+    // Returns false, with nothing written, where there is nothing along the direction.
+    bool march_direction(const Tile &tile, std::size_t d, Real weight, const Rows &rows) {
+        const Pass &pass = tile.pass;
         const Direction &direction = pass.directions[d];
-        space.sums.reset(rays_of(direction, box));
-        const bool lit = slab > 0 && direction.has_far_field &&
-                         planes.load(slab, direction.crossing(box.slices.begin - 1), space.sums);
+        const RayRanges rays = rays_of(direction, tile.box);
+        LatticePlanes *planes =
+            tile.tiling.slabs > 1 && direction.has_far_field ? &tile.planes[d] : nullptr;
+        const bool lit =
+            planes && tile.slab > 0 &&
+            planes->any(tile.slab, direction.crossing(tile.box.slices.begin - 1), rays);
         const Block *tail = nullptr;
         if (direction.has_far_field && direction.finite) {
-            const int last = box.slices.end - 1 - pass.near_slices - direction.tail;
+            const int last = tile.box.slices.end - 1 - pass.near_slices - direction.tail;
             if (last >= 0) {
-                space.tail.load(pass.frame, sigma_t(pass.frame), largest_,
-                                tail_reach(direction, box, pass, space.sums));
-                tail = &space.tail;
+                tile.space.tail.load(pass.frame, sigma_t(pass.frame), largest_,
+                                     tail_reach(direction, tile.box, pass, rays));
+                tail = &tile.space.tail;
             }
         }
-        const bool empty = !filled && !lit && !tail;
-        if (!empty)
-            march({direction, box, space.block, tail, pass.near_slices, settings_.quantity,
-                   space.sums, space.scratch, values});
-        else if (values)
-            std::fill_n(
-                values,
-                std::size_t(box.slices.size() * box.rows.size() * round_up(box.columns.size())),
-                settings_.quantity == Quantity::transmittance ? Real(1) : Real(0));
-        if (slab + 1 < tiling.slabs && direction.has_far_field)
-            planes.store(slab, direction.crossing(box.slices.end - 1), box, space.sums);
+        if (!tile.filled && !lit && !tail) {
+            if (planes) planes->clear(tile.slab, tile.box);
+            return false;
+        }
+        march({direction, rays, tile.box, tile.slab, planes, tile.space.block, tail,
+               pass.near_slices, settings_.quantity, weight, rows, tile.space.march});
+        return true;
     }
 
     const SweepScene &scene_;
     const SweepSettings &settings_;
     const Weights &weights_;
     Real *out_;
-    std::unique_ptr<Real[]> transposed_;
+    HugeReals transposed_;
     Real largest_ = 0;
     double longest_step_ = 0.0;
     bool written_ = false;  // whether an earlier pass has written the whole output

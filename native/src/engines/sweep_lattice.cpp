@@ -57,7 +57,8 @@ Box Tiling::reach(const Box &tile, const Pass &pass) const {
              tile.columns.end + 2 + int(std::ceil(high_column * slices))}};
 }
 
-Box tail_reach(const Direction &direction, const Box &tile, const Pass &pass, const RaySums &sums) {
+Box tail_reach(const Direction &direction, const Box &tile, const Pass &pass,
+               const RayRanges &rays) {
     const int distance = pass.near_slices + direction.tail;
     const Range slices{tile.slices.begin - distance - 1, tile.slices.end - distance};
     const Crossing first = direction.crossing(slices.begin);
@@ -65,48 +66,68 @@ Box tail_reach(const Direction &direction, const Box &tile, const Pass &pass, co
     const auto [row_low, row_high] = std::minmax(first.row, last.row);
     const auto [column_low, column_high] = std::minmax(first.column, last.column);
     return {slices,
-            {sums.rows.begin + row_low, sums.rows.end + row_high + 1},
-            {sums.columns.begin + column_low, sums.columns.end + column_high + 1}};
+            {rays.rows.begin + row_low, rays.rows.end + row_high + 1},
+            {rays.columns.begin + column_low, rays.columns.end + column_high + 1}};
 }
 
-void LatticePlanes::resize(const Frame &frame) {
-    rows_ = frame.rows;
-    columns_ = frame.columns;
+void LatticePlanes::resize(const Tiling &tiling) {
+    rows_ = tiling.frame.rows;
+    columns_ = tiling.frame.columns;
+    parts_ = tiling.column_tiles;
+    tile_columns_ = tiling.tile_columns;
     for (int generation = 0; generation < 2; ++generation) {
-        high_[generation].assign(reals(frame) / 4, 0);
-        low_[generation].assign(reals(frame) / 4, 0);
+        high_[generation].resize(reals(tiling.frame) / 4);
+        low_[generation].resize(reals(tiling.frame) / 4);
+        filled_[generation].resize(std::size_t(rows_ + 1) * std::size_t(parts_));
     }
 }
 
-bool LatticePlanes::load(int slab, const Crossing &crossing, RaySums &sums) const {
-    const Reals &high = high_[(slab - 1) & 1], &low = low_[(slab - 1) & 1];
-    const int row_begin = std::max(-1, sums.rows.begin + crossing.row);
-    const int row_end = std::min(rows_, sums.rows.end + crossing.row);
-    const int column_begin = std::max(-1, sums.columns.begin + crossing.column);
-    const int column_end = std::min(columns_, sums.columns.end + crossing.column);
+bool LatticePlanes::any(int slab, const Crossing &crossing, const RayRanges &rays) const {
+    const std::vector<unsigned char> &filled = filled_[(slab - 1) & 1];
+    const int row_begin = std::max(-1, rays.rows.begin + crossing.row);
+    const int row_end = std::min(rows_, rays.rows.end + crossing.row);
+    const int column_begin = std::max(-1, rays.columns.begin + crossing.column);
+    const int column_end = std::min(columns_, rays.columns.end + crossing.column);
     if (column_end <= column_begin) return false;
-    bool filled = false;
-    for (int row = row_begin; row < row_end; ++row) {
-        const std::size_t from = offset(row, column_begin);
-        const std::size_t to = sums.offset(row - crossing.row, column_begin - crossing.column);
-        const int count = column_end - column_begin;
-        filled |= copy_row(high.data() + from, count, std::numeric_limits<Real>::max(), 0,
-                           sums.high.data() + to);
-        std::memcpy(sums.low.data() + to, low.data() + from, std::size_t(count) * sizeof(Real));
-    }
-    return filled;
+    for (int row = row_begin; row < row_end; ++row)
+        for (std::size_t i = part(row, column_begin); i <= part(row, column_end - 1); ++i)
+            if (filled[i]) return true;
+    return false;
 }
 
-void LatticePlanes::store(int slab, const Crossing &crossing, const Box &tile,
-                          const RaySums &sums) {
-    const int row_begin = tile.rows.begin == 0 ? -1 : tile.rows.begin;
-    const int column_begin = tile.columns.begin == 0 ? -1 : tile.columns.begin;
-    const std::size_t bytes = std::size_t(tile.columns.end - column_begin) * sizeof(Real);
-    for (int row = row_begin; row < tile.rows.end; ++row) {
-        const std::size_t to = offset(row, column_begin);
-        const std::size_t from = sums.offset(row - crossing.row, column_begin - crossing.column);
-        std::memcpy(high_[slab & 1].data() + to, sums.high.data() + from, bytes);
-        std::memcpy(low_[slab & 1].data() + to, sums.low.data() + from, bytes);
+void LatticePlanes::load_row(int slab, int row, int column, int count, Real *high,
+                             Real *low) const {
+    const int begin = std::clamp(column, -1, columns_), left = std::min(begin - column, count);
+    const int inside = std::min(column + count, columns_) - begin;
+    const Real *from[2] = {high_[(slab - 1) & 1].data(), low_[(slab - 1) & 1].data()};
+    Real *to[2] = {high, low};
+    for (int half = 0; half < 2; ++half) {
+        if (row < -1 || row >= rows_ || inside <= 0) {
+            std::fill_n(to[half], count, Real(0));
+            continue;
+        }
+        std::fill_n(to[half], left, Real(0));
+        std::memcpy(to[half] + left, from[half] + offset(row, begin),
+                    std::size_t(inside) * sizeof(Real));
+        std::fill(to[half] + left + inside, to[half] + count, Real(0));
+    }
+}
+
+void LatticePlanes::store_row(int slab, int row, const Range &columns, const Real *high,
+                              const Real *low) {
+    const std::size_t to = offset(row, columns.begin);
+    filled_[slab & 1][part(row, columns.begin)] = copy_row(
+        high, columns.size(), std::numeric_limits<Real>::max(), 0, high_[slab & 1].data() + to);
+    std::memcpy(low_[slab & 1].data() + to, low, std::size_t(columns.size()) * sizeof(Real));
+}
+
+void LatticePlanes::clear(int slab, const Box &tile) {
+    const Range rows = owned(tile.rows), columns = owned(tile.columns);
+    for (int row = rows.begin; row < rows.end; ++row) {
+        filled_[slab & 1][part(row, columns.begin)] = false;
+        for (Reals *half : {&high_[slab & 1], &low_[slab & 1]})
+            std::fill_n(half->begin() + std::ptrdiff_t(offset(row, columns.begin)), columns.size(),
+                        Real(0));
     }
 }
 

@@ -44,9 +44,11 @@ struct Tiling {
 };
 
 // The part of the grid in which a direction's rays through a tile end.
-Box tail_reach(const Direction &direction, const Box &tile, const Pass &pass, const RaySums &sums);
+Box tail_reach(const Direction &direction, const Box &tile, const Pass &pass,
+               const RayRanges &rays);
 
-// One direction's sums of all lattice rays where they cross from slab to slab, by the place where
+// One direction's sums of all lattice rays where they cross from slab to slab, each a pair
+// high + low, so that the rounding error does not grow along the ray. They lie by the place where
 // they meet the last slice; rays that have not entered the grid hold 0. Two generations: a tile may
 // still read the old one while its neighbours write the new.
 class LatticePlanes {
@@ -54,20 +56,35 @@ public:
     static std::size_t reals(const Frame &frame) {
         return 4 * std::size_t(frame.rows + 1) * std::size_t(frame.columns + 1);
     }
-    void resize(const Frame &frame);
-    // Fills `sums` for a tile of `slab`; `crossing` is that of the slice before. Returns whether
-    // any differs from 0.
-    bool load(int slab, const Crossing &crossing, RaySums &sums) const;
-    // Stores the rays that a tile of `slab` owns; `crossing` is that of its last slice.
-    void store(int slab, const Crossing &crossing, const Box &tile, const RaySums &sums);
+    void resize(const Tiling &tiling);
+    // Whether any sum differs from 0 of the rays that a tile of `slab` takes over; `crossing` is
+    // that of the slice before.
+    bool any(int slab, const Crossing &crossing, const RayRanges &rays) const;
+    // The row of rays that meets the slice before `slab` at a row and from a column on.
+    void load_row(int slab, int row, int column, int count, Real *high, Real *low) const;
+    // Stores the rays of a row that meet the last slice of `slab` in the columns that a tile owns.
+    void store_row(int slab, int row, const Range &columns, const Real *high, const Real *low);
+    // Stores zeros for all rays that a tile owns.
+    void clear(int slab, const Box &tile);
 
 private:
     std::size_t offset(int row, int column) const {
         return std::size_t(row + 1) * std::size_t(columns_ + 1) + std::size_t(column + 1);
     }
-    int rows_ = 0, columns_ = 0;
+    std::size_t part(int row, int column) const {
+        return std::size_t(row + 1) * std::size_t(parts_) +
+               std::size_t(std::max(column, 0) / tile_columns_);
+    }
+    int rows_ = 0, columns_ = 0, parts_ = 0, tile_columns_ = 1;
     Reals high_[2], low_[2];
+    std::vector<unsigned char> filled_[2];  // per row, whether any differs from 0 in a tile's part
 };
+
+// The rows or columns of rays that a tile owns where they meet its last slice: those that meet it
+// before the first voxel are the first tile's.
+inline Range owned(const Range &voxels) {
+    return {voxels.begin == 0 ? -1 : voxels.begin, voxels.end};
+}
 
 // What a direction has to do in a tile: nothing where its weights are zero and no ray goes on to
 // a tile that needs it, only the sums where one does.

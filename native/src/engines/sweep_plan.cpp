@@ -39,14 +39,14 @@ std::vector<Tap> near_field_stencil(double row_slope, double column_slope, doubl
                     weight *= upper ? fraction[axis] : 1.0 - fraction[axis];
                     offset[axis] = static_cast<int>(cell[axis]) + upper;
                 }
-                coefficients[offset] += weight;
+                coefficients[{offset[0], offset[2], offset[1]}] += weight;
             }
         }
     }
     std::vector<Tap> taps;
     for (const auto &[offset, weight] : coefficients)
         if (weight != 0.0)
-            taps.push_back({offset[0], offset[1], offset[2], static_cast<Real>(weight)});
+            taps.push_back({offset[0], offset[2], offset[1], static_cast<Real>(weight)});
     return taps;
 }
 

@@ -46,7 +46,8 @@ struct Direction {
     int index;                       // into the caller's list
     double row_slope, column_slope;  // lateral shift in voxels per slice outward, within [-1, 1]
     Real slice_length;               // world length of a ray from slice to slice
-    std::vector<Tap> near_field;     // exact optical depth of the first slices
+    std::vector<Tap> near_field;     // exact optical depth of the first slices; by slice, column,
+                                     // row
     bool has_far_field;
     bool finite;  // the ray ends `tail` + tail_fraction slices past the near
     int tail;     // field, inside the lattice part

@@ -7,24 +7,29 @@ bool ConstantWeights::any(int direction, const Frame &, const Box &) const {
     return std::any_of(row, row + channels_, [](Real weight) { return weight != 0; });
 }
 
-void ConstantWeights::sum(const Batch &batch, bool add, Reals &scratch, Real *out,
-                          std::ptrdiff_t out_stride) const {
+const Real *ConstantWeights::single(int direction) const {
+    return channels_ == 1 ? weights_ + direction : nullptr;
+}
+
+void ConstantWeights::sum(const Batch &batch, Reals &scratch, const Rows &out) const {
     const std::size_t directions = batch.directions.size();
-    for (int first = 0; first < channels_; first += kChannelGroup) {
-        const int channels = std::min(kChannelGroup, channels_ - first);
-        scratch.assign(directions * kChannelGroup, 0);
+    const auto group_of = [&](int first) { return std::min(kChannelGroup, channels_ - first); };
+    // [group][direction][channel of the group], padded with zeros
+    const std::size_t group_size = directions * kChannelGroup;
+    scratch.assign(std::size_t(round_up(channels_)) * directions, 0);
+    for (int channel = 0; channel < channels_; ++channel)
         for (std::size_t d = 0; d < directions; ++d)
-            for (int channel = 0; channel < channels; ++channel)
-                scratch[d * kChannelGroup + std::size_t(channel)] =
-                    weights_[std::ptrdiff_t(batch.directions[d]) * channels_ + first + channel];
-        batch.tile.for_rows(batch.frame, [&](int t, int b) {
-            weigh_row(
-                batch.row(t, b), batch.direction_stride, int(directions), scratch.data(), channels,
-                batch.tile.columns.size(), add,
-                out + first * out_stride + batch.frame.element(t, b, batch.tile.columns.begin),
-                out_stride, batch.frame.inner_stride());
-        });
-    }
+            scratch[std::size_t(channel / kChannelGroup) * group_size + d * kChannelGroup +
+                    std::size_t(channel % kChannelGroup)] =
+                weights_[std::ptrdiff_t(batch.directions[d]) * channels_ + channel];
+    batch.tile.for_rows(batch.frame, [&](int t, int b) {
+        for (int first = 0; first < channels_; first += kChannelGroup)
+            weigh_row(batch.values.at(t, b), std::size_t(batch.values.channel_pitch),
+                      int(directions),
+                      scratch.data() + std::size_t(first / kChannelGroup) * group_size,
+                      group_of(first), batch.tile.columns.size(), out.add,
+                      out.at(t, b) + first * out.channel_pitch, out.channel_pitch, out.row_pitch);
+    });
 }
 
 LatticeWeights::LatticeWeights(const Real *weights, const Index3 &shape, int spacing)
@@ -55,14 +60,17 @@ bool LatticeWeights::any(int direction, const Frame &frame, const Box &box) cons
     return false;
 }
 
-void LatticeWeights::sum(const Batch &batch, bool add, Reals &scratch, Real *out,
-                         std::ptrdiff_t) const {
-    scratch.assign(2 * std::size_t(batch.lanes), 0);
-    Real *sums = scratch.data(), *row_weights = sums + batch.lanes;
+const Real *LatticeWeights::single(int) const {
+    return nullptr;
+}
+
+void LatticeWeights::sum(const Batch &batch, Reals &scratch, const Rows &out) const {
+    const int count = batch.tile.columns.size(), lanes = round_up(count);
+    scratch.assign(2 * std::size_t(lanes), 0);
+    Real *sums = scratch.data(), *row_weights = sums + lanes;
     batch.tile.for_rows(batch.frame, [&](int t, int b) {
-        Real *row = out + batch.frame.element(t, b, batch.tile.columns.begin);
-        const int count = batch.tile.columns.size();
-        if (add)
+        Real *row = out.at(t, b);
+        if (out.add)
             std::copy(row, row + count, sums);
         else
             std::fill(sums, sums + count, Real(0));
@@ -107,8 +115,8 @@ void LatticeWeights::sum_row(const Batch &batch, int t, int b, Real *row_weights
             for (; c < end; ++c)
                 row_weights[c - columns.begin] = first + slope * Real(c - interval);
         }
-        multiply_add(batch.row(t, b) + d * batch.direction_stride, row_weights, columns.size(),
-                     sums);
+        multiply_add(batch.values.at(t, b) + std::ptrdiff_t(d) * batch.values.channel_pitch,
+                     row_weights, columns.size(), sums);
     }
 }
 

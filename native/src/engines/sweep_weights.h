@@ -6,19 +6,12 @@
 namespace volillum::sweep_detail {
 
 // A batch of directions' results in one tile: value of direction d at slice t, row b, padded column
-// c is values[d * direction_stride + ((t - begin) * rows + b - begin) * lanes + c].
+// c is values.at(t, b)[d * values.channel_pitch + c].
 struct Batch {
     const Frame &frame;
     const Box &tile;
     const std::vector<int> &directions;  // indices into the caller's list
-    const Real *values;
-    std::size_t direction_stride;
-    int lanes;
-    const Real *row(int t, int b) const {
-        return values +
-               std::size_t((t - tile.slices.begin) * tile.rows.size() + b - tile.rows.begin) *
-                   std::size_t(lanes);
-    }
+    const Rows &values;
 };
 
 class Weights {
@@ -27,10 +20,10 @@ public:
     virtual int channels() const = 0;
     // Whether a direction counts for any voxel of a box of a frame.
     virtual bool any(int direction, const Frame &frame, const Box &box) const = 0;
-    // Adds a batch's weighted sums to the output, [channels] volumes of `out_stride` numbers in the
-    // layout of the batch's frame; `add` is false where nothing has been written yet.
-    virtual void sum(const Batch &batch, bool add, Reals &scratch, Real *out,
-                     std::ptrdiff_t out_stride) const = 0;
+    // Where there is one channel: a direction's weight, null if it varies from voxel to voxel.
+    virtual const Real *single(int direction) const = 0;
+    // Adds a batch's weighted sums to the output's rows.
+    virtual void sum(const Batch &batch, Reals &scratch, const Rows &out) const = 0;
 };
 
 // The same weights [d, c] at every voxel.
@@ -39,8 +32,8 @@ public:
     ConstantWeights(const Real *weights, int channels) : weights_(weights), channels_(channels) {}
     int channels() const override { return channels_; }
     bool any(int direction, const Frame &, const Box &) const override;
-    void sum(const Batch &batch, bool add, Reals &scratch, Real *out,
-             std::ptrdiff_t out_stride) const override;
+    const Real *single(int direction) const override;
+    void sum(const Batch &batch, Reals &scratch, const Rows &out) const override;
 
 private:
     const Real *weights_;
@@ -53,8 +46,8 @@ public:
     LatticeWeights(const Real *weights, const Index3 &shape, int spacing);
     int channels() const override { return 1; }
     bool any(int direction, const Frame &frame, const Box &box) const override;
-    void sum(const Batch &batch, bool add, Reals &scratch, Real *out,
-             std::ptrdiff_t out_stride) const override;
+    const Real *single(int direction) const override;
+    void sum(const Batch &batch, Reals &scratch, const Rows &out) const override;
 
 private:
     void sum_row(const Batch &batch, int t, int b, Real *row_weights, Real *sums) const;
