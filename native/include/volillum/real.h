@@ -57,4 +57,31 @@ VOLILLUM_INLINE LoosePack &pack(Real *p) {
     return *reinterpret_cast<LoosePack *>(p);
 }
 
+// exp(-x) for x >= 0 without branches, so that loops over it become vector code. Relative error
+// below 2e-7; exactly 0 from x = 87 on, where the result would become denormal (and slow).
+// Range reduction and polynomial as in Cephes' expf (S. Moshier).
+VOLILLUM_INLINE float exp_negative(float x) {
+    constexpr float log2_e = 1.44269504088896341f;
+    constexpr float ln2_high = 0.693359375f, ln2_low = -2.12194440e-4f;
+    constexpr float round_magic = 12582912.0f;  // 1.5 * 2^23: adding it rounds to an integer
+    const float y = x < 87.0f ? -x : -87.0f;
+    const float shifted = y * log2_e + round_magic;
+    const float n = shifted - round_magic;
+    const float r = (y - n * ln2_high) - n * ln2_low;
+    float p = 1.9875691500e-4f;
+    p = p * r + 1.3981999507e-3f;
+    p = p * r + 8.3334519073e-3f;
+    p = p * r + 4.1665795894e-2f;
+    p = p * r + 1.6666665459e-1f;
+    p = p * r + 5.0000001201e-1f;
+    p = p * (r * r) + r + 1.0f;
+    // The low bits of `shifted` are n; moved into the exponent they multiply p by 2^n.
+    const float value = std::bit_cast<float>(std::bit_cast<std::int32_t>(p) +
+                                             (std::bit_cast<std::int32_t>(shifted) << 23));
+    return x < 87.0f ? value : 0.0f;
+}
+VOLILLUM_INLINE double exp_negative(double x) {
+    return x < 700.0 ? std::exp(-x) : 0.0;
+}
+
 }  // namespace volillum
