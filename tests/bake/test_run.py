@@ -17,7 +17,7 @@ from volillum_addon.bake.openvdb_module import openvdb
 from volillum_addon.core.control import Cancelled, Control
 from volillum_addon.core.errors import InputError
 from volillum_addon.core.grid import Grid
-from volillum_addon.core.lights import DistantLight, PointLight
+from volillum_addon.core.lights import DistantLight, EnvironmentLight
 from volillum_addon.core.scene import Scene
 from volillum_addon.models.model import Values
 from volillum_addon.models.registry import MODELS
@@ -151,7 +151,7 @@ def test_frames_of_a_sequence_share_a_name(scene: Scene, solved: Count, tmp_path
         ({"model": "raytracing"}, "model is 'raytracing'; expected one of half_angle"),
         ({"name": "a/b"}, "name is 'a/b'; expected a file name without folders"),
         ({"name": ""}, "name is ''; expected a file name"),
-        ({"lights": (PointLight((9, 9, 9), 1.0),)}, "knows only lights of the kinds distant"),
+        ({"lights": (EnvironmentLight(1.0),)}, "knows only lights of the kinds distant"),
         ({"model": "directional_occlusion", "camera": None}, "camera is missing; expected"),
     ],
 )

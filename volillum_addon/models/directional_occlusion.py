@@ -14,32 +14,19 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ..core.camera import Camera
 from ..core.control import Control
-from ..core.directions import AngularLattice, about, cone_rule
-from ..core.errors import InputError
+from ..core.directions import about, cone_rule
 from ..core.grid import Grid
 from ..core.lights import Light
 from ..core.medium import Medium
-from ..core.native import native
 from ..core.scene import Scene
 from .engines import channels_of, sweep
+from .local_cone import local_cones, visibility
 from .model import Model, Need, Values
 from .operator import Operator, brightness
 from .published import SLICES, blurred_slices, is_published
 from .settings import CONE_DIRECTIONS, CONE_LADDER, NEAR_SLICES, cone_theta
 from .volume import Factor, RadianceTerm
-
-# The weights of a perspective cone are interpolated between nodes whose axes differ by at most this
-# share of the angular lattice's spacing (measured on a smooth
-# field of 64 voxels: 0.03 % RMS, of 0.19 % in all).
-AXIS_STEP = 0.4
-WIDEST_NODE_SPACING = 16
-# The eye must keep this many node spacings away from the voxels, or the axis turns too fast.
-CLOSEST_EYE = 1.0
 
 
 def operator(values: Values) -> Operator:
@@ -60,50 +47,13 @@ def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
         vectors, weights = cone_rule(theta, count)
         planes = sweep(sigma_t, about(vectors, -camera.forward), weights[:, None], near, control)
         return {"visibility": channels_of(sigma_t, planes[:, 0], "visibility")}
-    lattice, field, spacing = perspective_weights(sigma_t, camera, theta, count)
-    per_channel = []
-    for index, plane in enumerate(sigma_t.planes()):
-        with control.stage(index / sigma_t.channels, (index + 1) / sigma_t.channels, "sweeping"):
-            per_channel.append(
-                native.sweep_weighted(
-                    plane, sigma_t.index_to_world, lattice, field, spacing,
-                    near_slices=near, control=control.native)
-            )  # fmt: skip
-    # Cubic weights have negative lobes: at edges they may leave a visibility's range by 1e-3.
-    planes = np.clip(np.stack(per_channel), 0, 1)
-    return {"visibility": channels_of(sigma_t, planes, "visibility")}
-
-
-def perspective_weights(
-    grid: Grid, camera: Camera, theta: float, count: int
-) -> tuple[NDArray[np.float64], NDArray[np.float32], int]:
-    """Directions [d, 3], their weights [d, a, b, c] at nodes every `spacing` voxels, and `spacing`.
-
-    Raises InputError when the eye is so near that the cone's axis is not smooth between voxels.
-    """
-    size = np.array(grid.shape)
-    index_eye = grid.to_index(camera.eye)
-    nearest = np.clip(index_eye, 0, size - 1)
-    distance = float(np.linalg.norm(camera.eye - grid.to_world(nearest)))
-    angle = math.sqrt(2 * math.pi * (1 - math.cos(theta)) / count)
-    voxel = float(grid.voxel_size.max())
-    spacing = min(WIDEST_NODE_SPACING, int(AXIS_STEP * angle * distance / voxel))
-    if spacing < 1 or distance < CLOSEST_EYE * spacing * voxel:
-        raise InputError(
-            f"the camera is {distance:.4g} from the volume's voxels of {voxel:.4g}; expected at "
-            f"least {voxel / (AXIS_STEP * angle):.4g}: directional occlusion's cone toward the "
-            "eye turns too fast there (move the camera away, widen theta, or take an "
-            "orthographic camera)"
-        )
-    nodes = [np.arange(math.ceil((n - 1) / spacing) + 1) * spacing for n in grid.shape]
-    index = np.stack(np.meshgrid(*nodes, indexing="ij"), axis=-1).astype(np.float64)
-    axes = camera.eye - grid.to_world(index.reshape(-1, 3))
-    axes /= np.linalg.norm(axes, axis=-1, keepdims=True)
-    lattice = AngularLattice.covering(axes, theta, count)
-    weights = lattice.cone_weights(axes, theta)
-    used = np.abs(weights).max(axis=1) > 0
-    field = np.ascontiguousarray(weights[used].reshape(-1, *(len(n) for n in nodes)))
-    return np.ascontiguousarray(lattice.directions[used]), field, spacing
+    cones = local_cones(
+        sigma_t, camera.eye, theta, count, "the camera",
+        "move the camera away, widen theta, or take an orthographic camera",
+    )  # fmt: skip
+    return {
+        "visibility": channels_of(sigma_t, visibility(sigma_t, cones, near, control), "visibility")
+    }
 
 
 def radiance(lights: tuple[Light, ...], medium: Medium, values: Values) -> tuple[RadianceTerm, ...]:

@@ -43,3 +43,16 @@ def channels_of(lattice: Grid, planes: NDArray[np.float32], name: str) -> Grid:
     if len(planes) == 1:
         return lattice.with_values(planes[0], name)
     return lattice.with_values(np.ascontiguousarray(np.moveaxis(planes, 0, -1)), name)
+
+
+def falloff(grid: Grid, position: NDArray[np.float64]) -> NDArray[np.float32]:
+    """(d0 / d)^2 at the voxels, [i, j, k]: d from `position`, d0 that of the grid's centre."""
+    i, j, k = (np.arange(n, dtype=np.float64) for n in grid.shape)
+    squared = np.zeros(grid.shape)
+    for row in range(3):
+        a, b, c, origin = grid.index_to_world[row]
+        squared += (
+            (a * i + (origin - position[row]))[:, None, None] + (b * j)[:, None] + c * k
+        ) ** 2
+    centre = float(np.sum((grid.centre - position) ** 2))
+    return np.asarray(centre / squared, dtype=np.float32)

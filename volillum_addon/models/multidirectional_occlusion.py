@@ -5,7 +5,10 @@
 omega_L is the direction to the light, theta the cone's half angle. A sun of angular diameter
 2 theta has exactly this single scattering: Cycles at 0 bounces is a witness.
 
-Neglects all scattering but the last, the phase function, emission, and lights that are not distant.
+A point light's F is I / d^2 at x, and its rays end where they are nearest to it.
+
+Neglects all scattering but the last, the phase function, emission, and lights without one
+direction.
 """
 
 from __future__ import annotations
@@ -13,14 +16,16 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.control import Control
 from ..core.directions import about, cone_rule
 from ..core.grid import Grid
-from ..core.lights import DistantLight, Light
+from ..core.lights import DistantLight, Light, PointLight
 from ..core.medium import Medium
 from ..core.scene import Scene
-from .engines import channels_of, sweep
+from .engines import channels_of, falloff, sweep
+from .local_cone import local_cones, node_spacing, visibility
 from .model import Model, Need, Values
 from .operator import Operator
 from .published import SLICES, blurred_slices, is_published
@@ -34,22 +39,51 @@ def operator(values: Values) -> Operator:
 
 
 def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
-    """Visibility of each sun's cone: channels `visibility_0`, `visibility_1`, ..."""
-    vectors, weights = cone_rule(float(values["theta"]), int(values["directions"]))
+    """Visibility of each light's cone: channels `visibility_0`, `visibility_1`, ...; that of a
+    point light times (d0 / d)^2, d0 its distance from the medium's centre."""
     sigma_t = scene.medium.sigma_t
-    suns = [light for light in scene.lights if isinstance(light, DistantLight)]
+    lights = [light for light in scene.lights if isinstance(light, DistantLight | PointLight)]
     channels = {}
-    for index, sun in enumerate(suns):
-        toward = np.asarray(sun.direction)
-        with control.stage(index / len(suns), (index + 1) / len(suns), f"light {index + 1}"):
-            if is_published(values):
-                planes = blurred_slices(scene.medium, toward, values, control)
-            else:
-                directions, near = about(vectors, toward), int(values["near"])
-                planes = sweep(sigma_t, directions, weights[:, None], near, control)[:, 0]
+    for index, light in enumerate(lights):
         name = f"visibility_{index}"
+        with control.stage(index / len(lights), (index + 1) / len(lights), f"light {index + 1}"):
+            if isinstance(light, PointLight):
+                planes = lamp_visibility(scene.medium, light, values, control)
+            else:
+                planes = sun_visibility(scene.medium, light, values, control)
         channels[name] = channels_of(sigma_t, planes, name)
     return channels
+
+
+def sun_visibility(
+    medium: Medium, sun: DistantLight, values: Values, control: Control
+) -> NDArray[np.float32]:
+    """V, [extinction channels, i, j, k]."""
+    toward = np.asarray(sun.direction)
+    if is_published(values):
+        return blurred_slices(medium, toward, values, control)
+    vectors, weights = cone_rule(float(values["theta"]), int(values["directions"]))
+    return sweep(
+        medium.sigma_t, about(vectors, toward), weights[:, None], int(values["near"]), control
+    )[:, 0]
+
+
+def lamp_visibility(
+    medium: Medium, lamp: PointLight, values: Values, control: Control
+) -> NDArray[np.float32]:
+    """V (d0 / d)^2, [extinction channels, i, j, k]."""
+    sigma_t, position = medium.sigma_t, np.asarray(lamp.position)
+    theta, count = float(values["theta"]), int(values["directions"])
+    advice = "move the light out of the volume and away from it, or widen theta"
+    if is_published(values):
+        node_spacing(sigma_t, position, theta, count, "a point light", advice)
+        toward = position - sigma_t.centre
+        toward /= np.linalg.norm(toward)
+        planes = blurred_slices(medium, toward, values, control, position)
+    else:
+        cones = local_cones(sigma_t, position, theta, count, "a point light", advice)
+        planes = visibility(sigma_t, cones, int(values["near"]), control, to_lamp=True)
+    return planes * falloff(sigma_t, position)
 
 
 def radiance(lights: tuple[Light, ...], medium: Medium, values: Values) -> tuple[RadianceTerm, ...]:
@@ -67,18 +101,19 @@ MODEL = Model(
     citation="Solteszova, Patel, Bruckner, Viola: A Multidirectional Occlusion Shading Model for "
     "Direct Volume Rendering, Computer Graphics Forum 29(3), 2010",
     equation="6 with 5",
-    summary="Soft shadows from a cone around each sun, independent of the camera.",
+    summary="Soft shadows from a cone around each light, independent of the camera.",
     parameters=(cone_theta(math.radians(30)), CONE_DIRECTIONS, NEAR_SLICES, *SLICES),
     needs=(
-        Need("light size", "approximates", "every sun has the half angle theta"),
+        Need("light size", "approximates", "every light fills the half angle theta"),
         Need("environment light", "ignores", "only lights with one direction"),
-        Need("local lights", "ignores", "only distant lights"),
+        Need("point lights", "represents", "outside the volume: inside, their cones turn too fast"),
+        Need("spot and area lights", "ignores", "only distant and point lights"),
         Need("multiple scattering", "ignores", "only the last scattering toward the eye"),
         Need("phase function", "ignores", "isotropic"),
         Need("emission", "ignores", "not in the model's equation"),
         Need("chromatic extinction", "represents", "one visibility per channel"),
     ),
-    lights=frozenset({"distant"}),
+    lights=frozenset({"distant", "point"}),
     rebake_on=frozenset({"extinction", "light direction"}),
     operator=operator,
     solve=solve,

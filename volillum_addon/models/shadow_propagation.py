@@ -34,7 +34,7 @@ from ..core.scene import Scene
 from .engines import channels_of, sweep
 from .model import Model, Need, Parameter, Values
 from .operator import Operator
-from .settings import CONE_DIRECTIONS, NEAR_SLICES, cone_theta
+from .settings import CONE_DIRECTIONS, CONE_LADDER, NEAR_SLICES, cone_theta
 from .volume import Factor, RadianceTerm
 
 # The hard shadow is one ray, whose errors no other direction averages out, and cheap: its near
@@ -174,4 +174,5 @@ MODEL = Model(
     operator=operator,
     solve=solve,
     radiance=radiance,
+    ladder=CONE_LADDER,
 )  # fmt: skip

@@ -1,0 +1,133 @@
+"""Cones whose axis points, from every voxel, to one place: an eye, or a lamp.
+
+No fixed set of directions is the cone of every voxel. Visibility along a fixed lattice of
+directions is weighted, voxel by voxel, by weights that are interpolated between nodes
+(core/directions.py, AngularLattice).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.control import Control
+from ..core.directions import AngularLattice
+from ..core.errors import InputError
+from ..core.grid import Grid
+from ..core.native import native
+
+# The weights are interpolated between nodes whose axes differ by at most this share of the angular
+# lattice's spacing (measured on a smooth field of 64 voxels: 0.03 % RMS, of 0.19 % in all).
+AXIS_STEP = 0.4
+WIDEST_NODE_SPACING = 16
+# The place must keep this many node spacings away from the voxels, or the axis turns too fast.
+CLOSEST = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class LocalCones:
+    """Directions [d, 3] and their weights [d, a, b, c] at nodes every `spacing` voxels, for the
+    cones of a grid's voxels toward `place`."""
+
+    place: NDArray[np.float64]
+    directions: NDArray[np.float64]
+    weights: NDArray[np.float32]
+    spacing: int
+
+
+def node_spacing(
+    grid: Grid, place: NDArray[np.float64], theta: float, count: int, name: str, advice: str
+) -> int:
+    """Voxels between the nodes of the weights.
+
+    Raises InputError, about `name` and with `advice`, when the place is so near that the cone's
+    axis is not smooth between voxels.
+    """
+    nearest = np.clip(grid.to_index(place), 0, np.array(grid.shape) - 1)
+    distance = float(np.linalg.norm(place - grid.to_world(nearest)))
+    angle = math.sqrt(2 * math.pi * (1 - math.cos(theta)) / count)
+    voxel = float(grid.voxel_size.max())
+    spacing = min(WIDEST_NODE_SPACING, int(AXIS_STEP * angle * distance / voxel))
+    if spacing < 1 or distance < CLOSEST * spacing * voxel:
+        raise InputError(
+            f"{name} is {distance:.4g} from the volume's voxels of {voxel:.4g}; expected at "
+            f"least {voxel / (AXIS_STEP * angle):.4g}: the cone toward it turns too fast there "
+            f"({advice})"
+        )
+    return spacing
+
+
+def local_cones(
+    grid: Grid, place: NDArray[np.float64], theta: float, count: int, name: str, advice: str
+) -> LocalCones:
+    """Cones of half angle theta toward `place`, about `count` directions in each; may raise what
+    `node_spacing` does."""
+    spacing = node_spacing(grid, place, theta, count, name, advice)
+    nodes = [np.arange(math.ceil((n - 1) / spacing) + 1) * spacing for n in grid.shape]
+    index = np.stack(np.meshgrid(*nodes, indexing="ij"), axis=-1).astype(np.float64)
+    axes = place - grid.to_world(index.reshape(-1, 3))
+    axes /= np.linalg.norm(axes, axis=-1, keepdims=True)
+    lattice = AngularLattice.covering(axes, theta, count)
+    weights = lattice.cone_weights(axes, theta)
+    used = np.abs(weights).max(axis=1) > 0
+    field = np.ascontiguousarray(weights[used].reshape(-1, *(len(n) for n in nodes)))
+    return LocalCones(place, np.ascontiguousarray(lattice.directions[used]), field, spacing)
+
+
+def visibility(
+    sigma_t: Grid, cones: LocalCones, near: int, control: Control, to_lamp: bool = False
+) -> NDArray[np.float32]:
+    """Mean transmittance over each voxel's cone, [extinction channels, i, j, k].
+
+    Rays run to the border, or, `to_lamp`, to where they are nearest to the place: all that have one
+    direction end on the plane through the place across it, so that what lies beyond is left out of
+    the medium for that direction.
+    """
+    ends = _ended(sigma_t, cones) if to_lamp else np.zeros(len(cones.directions), bool)
+    parts = [np.flatnonzero(~ends), *np.flatnonzero(ends)[:, None]]
+    jobs = [(plane, part) for plane in range(sigma_t.channels) for part in parts if len(part)]
+    planes = np.zeros((sigma_t.channels, *sigma_t.shape), np.float32)
+    done, total = 0, sigma_t.channels * len(cones.directions)
+    for plane, part in jobs:
+        with control.stage(done / total, (done + len(part)) / total, "sweeping"):
+            medium = sigma_t.planes()[plane]
+            if ends[part[0]]:
+                medium = _before_plane(sigma_t, medium, cones.place, cones.directions[part[0]])
+            planes[plane] += native.sweep_weighted(
+                medium, sigma_t.index_to_world, np.ascontiguousarray(cones.directions[part]),
+                np.ascontiguousarray(cones.weights[part]), cones.spacing,
+                near_slices=near, control=control.native,
+            )  # fmt: skip
+        done += len(part)
+    # Cubic weights have negative lobes: at edges they may leave a visibility's range by 1e-3.
+    return np.asarray(np.clip(planes, 0, 1))
+
+
+def _ended(grid: Grid, cones: LocalCones) -> NDArray[np.bool_]:
+    """Which directions' end planes cut the support of the grid."""
+    beyond = (grid.corners() - cones.place) @ cones.directions.T
+    return np.asarray(beyond.max(axis=0) > 0)
+
+
+def _before_plane(
+    grid: Grid,
+    plane: NDArray[np.float32],
+    place: NDArray[np.float64],
+    direction: NDArray[np.float64],
+) -> NDArray[np.float32]:
+    """The values on the near side of the plane through `place` across `direction`.
+
+    They fall to zero over one step of the sweep's rays, half of it on either side: the trapezoid
+    rule then integrates a smooth field up to the plane, to second order.
+    """
+    slope = direction @ grid.index_to_world[:3, :3]
+    start = float(direction @ (grid.index_to_world[:3, 3] - place))
+    along = np.linalg.solve(grid.index_to_world[:3, :3], direction)
+    step = 1 / float(np.abs(along).max())
+    i, j, k = (np.arange(n) * s for n, s in zip(grid.shape, slope, strict=True))
+    distance = (start + i)[:, None, None] + j[:, None] + k
+    share = np.clip(0.5 - distance / step, 0, 1).astype(np.float32)
+    return np.ascontiguousarray(plane * share)
