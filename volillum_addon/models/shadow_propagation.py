@@ -19,6 +19,7 @@ complement.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -156,8 +157,10 @@ MODEL = Model(
             "light alone",
             0.0, 1e4,
         ),
-        CONE_DIRECTIONS,
-        NEAR_SLICES,
+        # RMS error at camera-visible voxels of the head CT 0.15 %, the engine CT 0.7 %, coloured
+        # smoke 0.05 %: hue matters only where light arrives, and there little is in its way.
+        replace(CONE_DIRECTIONS, default=16),
+        replace(NEAR_SLICES, default=1),
     ),
     needs=(
         Need("light size", "ignores", "shadows are hard, whatever the sun's diameter"),
@@ -174,5 +177,5 @@ MODEL = Model(
     operator=operator,
     solve=solve,
     radiance=radiance,
-    ladder=CONE_LADDER,
+    ladder=({"directions": 16, "near": 0}, {"directions": 16, "near": 1}, *CONE_LADDER[2:]),
 )  # fmt: skip
