@@ -29,6 +29,7 @@ from ..core.scene import Scene
 from .engines import channels_of, sweep
 from .model import Model, Need, Parameter, Values
 from .operator import Operator
+from .published import SLICES, blurred_slices, is_published
 from .settings import NEAR_SLICES
 from .volume import Factor, RadianceTerm
 
@@ -47,8 +48,12 @@ def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
     suns = [light for light in scene.lights if isinstance(light, DistantLight)]
     channels = {}
     for index, sun in enumerate(suns):
+        name, axis = f"light_{index}", np.asarray(sun.direction)
         with control.stage(index / len(suns), (index + 1) / len(suns), f"light {index + 1}"):
-            axis = np.asarray(sun.direction)
+            if is_published(values):
+                planes = blurred_slices(medium, axis, values, control, scattered_on=True)
+                channels[name] = channels_of(medium.sigma_t, planes, name)
+                continue
             directions = about(vectors, axis)
             with control.stage(0, 0.2, "unscattered light"):
                 seen = sweep(medium.sigma_t, directions, weights[:, None], near, control)[:, 0]
@@ -64,7 +69,6 @@ def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
                     spacing=float(values["spacing"]),
                     control=control.native,
                 )
-        name = f"light_{index}"
         channels[name] = channels_of(medium.sigma_t, planes, name)
     return channels
 
@@ -111,6 +115,7 @@ MODEL = Model(
             "voxels",
         ),
         NEAR_SLICES,
+        *SLICES,
     ),
     needs=(
         Need("light size", "approximates", "every sun has the half angle theta"),

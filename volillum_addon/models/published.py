@@ -42,6 +42,12 @@ BUFFER = Parameter(
     "Published algorithm: what is stored between slices; 8 bits never see thin media",
     choices=("float", "half", "byte"),
 )
+NEIGHBOURS = Parameter(
+    "neighbours",
+    "0",
+    "Published algorithm: neighbours that a lookup in the slice before is averaged with",
+    choices=("0", "4", "8"),
+)
 LOCAL_RADIUS = Parameter(
     "local_radius",
     8.0,
@@ -53,6 +59,7 @@ LOCAL_RADIUS = Parameter(
 # Directions in which local visibilities are composed: those of a rule that is exact for products of
 # harmonics up to band 3, (n + 1) (2 n + 1).
 COMPOSED_DIRECTIONS = 28
+PROPAGATION = (ALGORITHM, NEIGHBOURS, BUFFER)
 SLICES = (ALGORITHM, SLICE_DISTANCE, TAPS, BUFFER)
 
 
@@ -93,6 +100,26 @@ def blurred_slices(
             control=control.native,
         )
     )
+
+
+def propagated(
+    medium: Medium, toward: NDArray[np.float64], values: Values, control: Control
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Colour gathered on the way to the light and what is left of the light, [c, i, j, k] each.
+
+    `toward` is a unit vector; c is 1 or 3. From slice to slice of the grid (Ropinski et al. 2010).
+    """
+    sigma_t, sigma_s = alike(medium.sigma_t, medium.sigma_s)
+    planes = native.propagated_shadow(
+        sigma_t,
+        sigma_s,
+        medium.sigma_t.index_to_world,
+        np.asarray(toward, np.float64),
+        neighbours=int(values["neighbours"]),
+        buffer=str(values["buffer"]),
+        control=control.native,
+    )
+    return planes[: len(sigma_t)], 1 - planes[len(sigma_t) :]
 
 
 def composed_harmonics(
