@@ -80,12 +80,15 @@ class TransferFunction:
         columns = [np.interp(data, self.values, rgb[:, c]) for c in range(3)]  # type: ignore[arg-type]
         return np.stack(columns, axis=-1).astype(np.float32)
 
+    def per_length(self, data: Grid) -> float:
+        """Extinction of density 1 on this grid, per world unit."""
+        return self.per_voxel / float(data.voxel_size.mean())
+
     def medium(self, data: Grid) -> Medium:
         """The medium of a scalar grid: extinction grey, albedo by value."""
         if data.channels != 1:
             raise bad(f"{data.name}'s channels", data.channels, "1 for a transfer function")
-        scale = self.per_voxel / float(data.voxel_size.mean())
-        sigma_t = self.densities(data.values) * np.float32(scale)
+        sigma_t = self.densities(data.values) * np.float32(self.per_length(data))
         colours = np.asarray(self.albedo)
         if np.ptp(colours, axis=-1).max() == 0:
             albedo = np.interp(data.values, self.values, colours[:, 0])  # type: ignore[arg-type]
