@@ -30,6 +30,9 @@ CHILD = f"{PACKAGE.name}.bake.cold_child"
 # How long a child that has been told to stop may take before it is left to the system.
 STOP_SECONDS = 10.0
 
+# A bake of this many seconds has its start-up and the noise of the machine averaged out.
+ENOUGH_SECONDS = 8.0
+
 
 @dataclass(frozen=True)
 class Timing:
@@ -60,7 +63,8 @@ def cold_bake(
     control: Control | None = None,
     half: bool = False,
 ) -> list[Timing]:
-    """Bake `repeats` times, each in a process of its own; the last one's file stays.
+    """Bake up to `repeats` times, each in a process of its own; the last file stays. Slow bakes
+    are repeated less: no new one begins after ENOUGH_SECONDS.
 
     The file is the one that `bake_file` then finds. Raises InputError like `bake_file`, Cancelled
     (the child is killed), RuntimeError when a child fails otherwise.
@@ -71,7 +75,10 @@ def cold_bake(
     with tempfile.TemporaryDirectory(prefix="volillum-") as folder:
         scene_file = Path(folder) / "scene.npz"
         write_scene(scene, scene_file)
+        begin = time.perf_counter()
         for index in range(repeats):
+            if timings and time.perf_counter() - begin > ENOUGH_SECONDS:
+                break
             message = f"cold bake {index + 1} of {repeats}" if repeats > 1 else "cold bake"
             with control.stage(index / repeats, (index + 1) / repeats, message):
                 timings.append(_one(plan, scene_file, name, control))

@@ -145,6 +145,11 @@ def _add_thoroughness(
         shown = "as the scene renders" if default is None else f"{default:g}"
         help_text = f"{text} (default: {shown})"
         command.add_argument(name, type=kind, default=default, metavar=metavar, help=help_text)
+    command.add_argument(
+        "--published",
+        action="store_true",
+        help="set each model's published algorithm beside it",
+    )
 
 
 def _assignment(text: str) -> tuple[str, str]:

@@ -33,11 +33,18 @@ class Thoroughness:
     noise: float
     seconds: float
     width: int | None
+    published: bool = False
 
     @classmethod
     def of(cls, options: argparse.Namespace) -> Thoroughness:
         """As the command line has it, noise in percent."""
-        return cls(options.samples, options.noise / 100, options.seconds, options.width)
+        return cls(
+            options.samples,
+            options.noise / 100,
+            options.seconds,
+            options.width,
+            options.published,
+        )
 
 
 def make_scene(volume: Path, preset: str, target: Path) -> str:
@@ -86,6 +93,7 @@ def compare(
             samples=thoroughness.samples,
             noise=thoroughness.noise,
             seconds=thoroughness.seconds,
+            published=thoroughness.published,
         )
         chosen = work.chosen_models(scene, models)
         with watched("comparing", progress_seconds, estimated=True) as control:

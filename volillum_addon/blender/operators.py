@@ -92,7 +92,12 @@ class VOLILLUM_OT_compare(modal.WorkOperator, bpy.types.Operator):
         models = () if settings.compare_all else (settings.model,)
 
         def compute(control: Control) -> Path:
-            options = Options(name=name, noise=settings.noise / 100, seconds=settings.budget)
+            options = Options(
+                name=name,
+                noise=settings.noise / 100,
+                seconds=settings.budget,
+                published=settings.compare_published,
+            )
             chosen = work.chosen_models(scene, models)
             comparing.compare(scene, chosen, options, settings.width, directory, control)
             return directory / comparing.PAGE
@@ -114,6 +119,8 @@ class VOLILLUM_OT_compare(modal.WorkOperator, bpy.types.Operator):
         ]  # fmt: skip
         if not settings.compare_all:
             arguments += ["--models", settings.model]
+        if settings.compare_published:
+            arguments.append("--published")
 
         def compute(control: Control) -> Path:
             with copy:

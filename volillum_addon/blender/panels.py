@@ -103,7 +103,7 @@ class VOLILLUM_PT_compare(_Sidebar, bpy.types.Panel):
         """What to compare, the button, and the figures of the last comparison."""
         layout = _column(self.layout)
         settings = context.scene.volillum
-        for name in ("compare_all", "width", "noise", "budget"):
+        for name in ("compare_all", "compare_published", "width", "noise", "budget"):
             layout.prop(settings, name)
         _progress_or_button(layout, "volillum.compare", "SORTTIME")
         if not settings.results:

@@ -125,6 +125,12 @@ class Settings(bpy.types.PropertyGroup):
         "Compare every model, each with its own parameters, and not only this one",
         default=True,
     )
+    compare_published: _still(
+        bpy.props.BoolProperty,
+        "Published algorithms too",
+        "Set the algorithm that each model was published with beside the solution of its equation",
+        default=False,
+    )
     noise: _number(
         "Noise",
         "Render references until their noise is below this",

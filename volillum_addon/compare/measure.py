@@ -14,9 +14,12 @@ from ..bake.cold import cold_bake
 from ..bake.hashing import KERNEL_REVISION
 from ..bake.run import Plan, baked_volume, plan_bake
 from ..core.control import Control
+from ..models.equation import cost
 from ..models.exact import exact_image
 from ..models.image import line_integral
 from ..models.model import Model, Values
+from ..models.operator import Operator
+from ..models.registry import get
 from .cache import key_of, load, store
 from .errors import field_error, image_of
 from .machine import machine
@@ -36,7 +39,8 @@ class Options:
     `samples` per seed, `noise` and `seconds` end a reference (`seconds` is the full one's budget;
     the others take a quarter); `bounces` None lets bounces.py choose. `repeats` are of every time.
     The exact image takes `points` on a ray with `directions` each, the exact field
-    `voxel_directions` at `voxels` draws of visible voxels. `published` sets the published algorithm
+    `voxel_directions` at `voxels` draws of visible voxels, or what takes as long for equations that
+    are harder to sample (`affordable`). `published` sets the published algorithm
     beside each model that has one.
     """
 
@@ -180,10 +184,11 @@ def exact(
 ) -> Image:
     """The image of the model's exact solution; `clamped` False leaves out the clamp at 0."""
     options = bench.options
-    quality = {"points": options.points, "directions": options.directions, "seed": options.seed}
+    operator = model.operator_in(bench.renderer.scene, values)
+    directions = affordable(operator, options.directions)
+    quality = {"points": options.points, "directions": directions, "seed": options.seed}
     # Where the model has no clamp, the image without it is the same one and is found again; so is
     # that of another algorithm or another cost for the same equation.
-    operator = model.operator_in(bench.renderer.scene, values)
     clamped = clamped or not operator.clamped
     path = bench.part(
         "exact", operator=repr(operator), lights=sorted(model.lights), clamped=clamped, **quality
@@ -211,8 +216,10 @@ def exact(
 def field(bench: Bench, baked: Bake, control: Control) -> Figure:
     """The numerical error of the baked field at camera-visible voxels."""
     options = bench.options
+    operator = get(baked.plan.model).operator_in(bench.renderer.scene, baked.plan.values)
+    directions = affordable(operator, options.voxel_directions)
     path = bench.part(
-        "field", bake=baked.plan.hash, voxels=options.voxels, directions=options.voxel_directions,
+        "field", bake=baked.plan.hash, voxels=options.voxels, directions=directions,
         seed=options.seed,
     )  # fmt: skip
     held = load(path)
@@ -222,7 +229,7 @@ def field(bench: Bench, baked: Bake, control: Control) -> Figure:
             scene,
             baked_volume(scene, baked.plan.path),
             options.voxels,
-            options.voxel_directions,
+            directions,
             options.seed,
             control,
         )
@@ -258,6 +265,11 @@ def witness(
         return None
     truth = exact(bench, model, values, control, clamped=False)
     return agreement(truth, tally.image(), mask)
+
+
+def affordable(operator: Operator, wanted: int) -> int:
+    """Samples of this equation that take about as long as `wanted` rays of visibility."""
+    return max(1, wanted // cost(operator))
 
 
 def _timing(seconds: NDArray[np.float64]) -> Timing:
