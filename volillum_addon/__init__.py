@@ -29,6 +29,8 @@ _PUBLIC = {
     "bake": (".models.illuminate", "bake"),
     "bake_histogram": (".models.histogram", "bake_histogram"),
     "relight": (".models.illuminate", "relight"),
+    "photon_state": (".models.progressive", "photon_state"),
+    "refine": (".models.progressive", "refine"),
     "exact": (".models.exact", "exact"),
     "exact_image": (".models.exact", "exact_image"),
     "line_integral": (".models.image", "line_integral"),

@@ -74,7 +74,8 @@ def along(distance: float) -> Scene:
 
 # With one albedo, scattering follows extinction.
 MATTER = ("extinction", "scattering")
-PLACES = ("light", "light direction")
+SHAPE = ("light", "light shape")
+PLACES = ("light", "light direction", "light shape")
 # change: (before, after, the parts that change)
 CHANGES = {
     "one voxel by one bit": (BASE, changed_voxel(), MATTER),
@@ -93,8 +94,8 @@ CHANGES = {
         replace(medium(emission=GRID), lights=(brighter(SUN), SKY)),
         ("light", "light hue"),
     ),
-    "sun's size": (BASE, lights(replace(SUN, angle=0.4), SKY), ("light",)),
-    "sky": (BASE, lights(SUN, EnvironmentLight(random_values(4, 8, 3))), ("light",)),
+    "sun's size": (BASE, lights(replace(SUN, angle=0.4), SKY), SHAPE),
+    "sky": (BASE, lights(SUN, EnvironmentLight(random_values(4, 8, 3))), SHAPE),
     "sky before sun": (BASE, lights(SKY, SUN), PLACES),
     "sun's direction": (BASE, lights(replace(SUN, direction=(0, 0, 1)), SKY), PLACES),
     "another sun": (BASE, TWO_SUNS, (*PLACES, "light hue")),

@@ -81,7 +81,8 @@ def agree(
     `view` takes the place of the second's values (where they are stored in another order).
     """
     a, b = values(first), values(second) if view is None else view
-    sigma2 = np.mean(np.asarray(noise(first)) ** 2 + np.asarray(noise(second)) ** 2)
+    # Apart: the second's may be stored in another order.
+    sigma2 = np.mean(np.square(noise(first))) + np.mean(np.square(noise(second)))
     # Deviations of the mean square of noise from its expectation are far below it: voxels are many.
     assert np.mean((a - b) ** 2) <= (tolerance**2) * np.mean(a**2) + 2 * sigma2
 

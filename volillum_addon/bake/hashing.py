@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from .. import __version__
 from ..core.colour import luminance
 from ..core.grid import Grid
+from ..core.lights import light_shape
 from ..core.scene import Scene
 from ..models.model import Model, Values
 
@@ -75,6 +76,17 @@ def _lights(scene: Scene, model: Model) -> str:
     return digest.hexdigest()
 
 
+def _light_shapes(scene: Scene, model: Model) -> str:
+    """Everything of the lights but their brightness; an image's pixels are its shape."""
+    digest = blake2b(digest_size=DIGEST_BYTES)
+    for light in model.represented(scene):
+        digest.update(light.kind.encode() + b"\0")
+        for name, value in light_shape(light):
+            digest.update(name.encode() + b"\0")
+            digest.update(value.encode() if isinstance(value, str) else _numbers(value))
+    return digest.hexdigest()
+
+
 def _phase(scene: Scene, model: Model) -> str:
     """The phase function of the medium."""
     return _digest(_bytes(scene.medium.g))
@@ -106,6 +118,7 @@ def _camera(scene: Scene, model: Model) -> str:
 PARTS: dict[str, Callable[[Scene, Model], str]] = {
     "light direction": _light_directions,
     "light": _lights,
+    "light shape": _light_shapes,
     "phase function": _phase,
     "light hue": _light_hues,
     "camera": _camera,

@@ -11,7 +11,7 @@ from ..core.errors import InputError, bad
 from ..core.scene import Scene
 from ..models.illuminate import VOID_MARGIN, illuminate, left_out, relight
 from ..models.registry import get
-from ..models.volume import Cost, IlluminationVolume
+from ..models.volume import IlluminationVolume
 from . import layout, memory, store
 from .hashing import combined, input_digests
 from .openvdb_module import openvdb
@@ -79,7 +79,7 @@ class Plan:
             volume = illuminate(self.scene, self.model, self.values, control)
         with control.stage(SOLVE_SHARE, 1, "writing"):
             peak = memory.peak_bytes()
-            volume = replace(volume, cost=Cost(volume.cost.seconds, peak))
+            volume = replace(volume, cost=replace(volume.cost, peak_bytes=peak))
             metadata = {"hash": self.hash, "inputs": dict(self.digests)}
             seconds = write_into(volume, target, metadata, self.half)
             control.check()

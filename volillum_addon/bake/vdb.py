@@ -151,7 +151,7 @@ def read_vdb(path: Path | str) -> IlluminationVolume:
             channels={name: stored(PREFIX + name, name) for name in entries["channels"]},
             radiance=tuple(_radiance(term) for term in entries["radiance"]),
             image_emission=entries["image_emission"],
-            cost=Cost(entries["seconds"], entries["peak_bytes"]),
+            cost=Cost(entries["seconds"], entries["peak_bytes"], entries.get("error_estimate")),
             notes=tuple(entries["notes"]),
         )
     except KeyError as error:
@@ -179,6 +179,7 @@ def _described(volume: IlluminationVolume, half: bool) -> dict[str, object]:
         "half": half,
         "seconds": volume.cost.seconds,
         "peak_bytes": volume.cost.peak_bytes,
+        "error_estimate": volume.cost.error_estimate,
         "notes": list(volume.notes),
     }  # fmt: skip
 

@@ -8,8 +8,9 @@ it represents.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -96,13 +97,16 @@ class SpotLight:
     def fluence(self, point: NDArray[np.float64]) -> Rgb:
         away = point - np.asarray(self.position)
         distance = math.sqrt(_distance_squared(self.position, point))
-        cosine = float(away @ np.asarray(self.direction)) / distance
+        cosine = np.asarray(away @ np.asarray(self.direction)) / distance
+        return np.asarray(self.intensity) * self.shape(cosine) / distance**2
+
+    def shape(self, cosine: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Intensity over that on the axis, at cosines of the angle to the axis."""
         # Cycles' falloff: smoothstep in the spot's own projected coordinate.
         edge = math.cos(self.angle / 2)
         smooth = (1 - edge) * self.blend
-        ramp = 1.0 if smooth <= 0 else min(max((cosine - edge) / smooth, 0.0), 1.0)
-        falloff = float(cosine > edge) * (3 * ramp**2 - 2 * ramp**3)
-        return np.asarray(self.intensity) * falloff / distance**2
+        ramp = np.clip((cosine - edge) / smooth, 0, 1) if smooth > 0 else np.ones_like(cosine)
+        return np.asarray((cosine > edge) * (3 * ramp**2 - 2 * ramp**3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,8 +129,12 @@ class AreaLight:
     def fluence(self, point: NDArray[np.float64]) -> Rgb:
         squared = _distance_squared(self.position, point)
         away = (point - np.asarray(self.position)) / math.sqrt(squared)
-        cosine = max(float(away @ np.asarray(self.direction)), 0.0)
-        return np.asarray(self.intensity) * cosine / squared
+        cosine = np.asarray(away @ np.asarray(self.direction))
+        return np.asarray(self.intensity) * self.shape(cosine) / squared
+
+    def shape(self, cosine: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Intensity over that on the axis, at cosines of the angle to the axis."""
+        return np.maximum(cosine, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,6 +188,14 @@ class EnvironmentLight:
             directions = directions @ np.asarray(self.rotation)
         weighted = radiance.reshape(-1, 3) * solid_angles.reshape(-1, 1)
         return np.asarray(harmonics.evaluate(directions.reshape(-1, 3)).T @ weighted)
+
+
+def light_shape(light: Light) -> Iterator[tuple[str, Any]]:
+    """Names and values of all fields but the brightness; an image's pixels are its shape."""
+    for name, value in sorted(vars(light).items()):
+        constant = name == "radiance" and np.ndim(value) == 1
+        if name not in ("irradiance", "intensity") and not constant:
+            yield name, value
 
 
 def latitude_longitude(height: int, width: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

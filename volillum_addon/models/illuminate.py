@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 
 from ..core.control import Control
+from ..core.grid import Grid
 from ..core.lights import Light
 from ..core.scene import Scene
+from .model import Values
 from .registry import get
 from .volume import Cost, IlluminationVolume
 
@@ -35,15 +38,27 @@ def illuminate(
     begin = time.perf_counter()
     channels = chosen.solve(trimmed, chosen.resolved(trimmed, values), control)
     seconds = time.perf_counter() - begin
-    return IlluminationVolume(
+    return assembled(trimmed, model, values, channels, seconds)
+
+
+def assembled(
+    scene: Scene, model: str, values: Values, channels: Mapping[str, Grid], seconds: float
+) -> IlluminationVolume:
+    """The volume of solved channels; `scene` is trimmed."""
+    chosen = get(model)
+    volume = IlluminationVolume(
         model=model,
         parameters=values,
-        medium=trimmed.medium,
+        medium=scene.medium,
         channels=channels,
-        radiance=chosen.radiance(chosen.represented(trimmed), trimmed.medium, values),
+        radiance=chosen.radiance(chosen.represented(scene), scene.medium, values),
         image_emission=chosen.operator(values).image_emission,
-        cost=Cost(seconds=seconds),
         notes=left_out(scene, model),
+    )
+    return replace(
+        volume,
+        cost=Cost(seconds, error_estimate=volume.relative_standard_error()),
+        notes=(*volume.notes, *chosen.remarks(volume)),
     )
 
 
@@ -70,6 +85,6 @@ def left_out(scene: Scene, model: str) -> tuple[str, ...]:
         notes.append(f"{chosen.label} leaves out lights of the kinds: {', '.join(absent)}")
     if scene.medium.emission is not None and not chosen.operator(chosen.values({})).image_emission:
         notes.append(f"{chosen.label} leaves out the medium's own emission")
-    if scene.medium.g != 0:
+    if scene.medium.g != 0 and chosen.operator(chosen.values({})).lobe != "phase":
         notes.append(f"{chosen.label} scatters isotropically; the medium has g = {scene.medium.g}")
     return tuple(notes)

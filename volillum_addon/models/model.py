@@ -14,7 +14,7 @@ from ..core.lights import Light
 from ..core.medium import Medium
 from ..core.scene import Scene
 from .operator import Operator
-from .volume import RadianceTerm
+from .volume import IlluminationVolume, RadianceTerm
 
 Value = float | int | str
 Values = Mapping[str, Value]
@@ -63,6 +63,7 @@ class Model:
     the channels become in-scattered radiance for given lights.
     `resolve(scene, values)`, where a model has settings whose default follows the scene, puts them
     in; `operator` and `solve` get resolved values.
+    `remarks(volume)` tells what a bake found out about its own limits, in plain words.
     `ladder` holds settings from fast to accurate, for measurements of error against time.
     `lights` are the kinds of light that it represents; `rebake_on` the scene's parts whose change
     makes its channels stale.
@@ -82,6 +83,7 @@ class Model:
     radiance: Callable[[tuple[Light, ...], Medium, Values], tuple[RadianceTerm, ...]]
     ladder: tuple[Values, ...] = ()
     resolve: Callable[[Scene, Values], Values] | None = None
+    remarks: Callable[[IlluminationVolume], tuple[str, ...]] = lambda volume: ()
 
     def values(self, given: Mapping[str, object]) -> dict[str, Value]:
         """All parameters with `given` applied; refuses unknown names and values out of range."""
@@ -105,11 +107,13 @@ class Model:
 
     def check(self, scene: Scene) -> None:
         """Raise an InputError in plain words when the model cannot serve the scene at all."""
-        if not self.represented(scene):
+        operator = self.operator(self.values({}))
+        glows = scene.medium.emission is not None and operator.source == "lights"
+        if not self.represented(scene) and not glows:
             have = ", ".join(sorted({light.kind for light in scene.lights})) or "none"
             wants = ", ".join(sorted(self.lights))
             raise InputError(
                 f"{self.label} knows only lights of the kinds {wants}; the scene has {have}"
             )
-        if self.operator(self.values({})).sees_camera:
+        if operator.sees_camera:
             scene.need_camera()

@@ -8,6 +8,7 @@ from . import (
     directional_occlusion,
     half_angle,
     multidirectional_occlusion,
+    photon_mapping,
     shadow_propagation,
     spherical_harmonics,
 )
@@ -22,6 +23,7 @@ MODELS: dict[str, Model] = {
         shadow_propagation,
         spherical_harmonics,
         ambient_occlusion,
+        photon_mapping,
     )
 }
 

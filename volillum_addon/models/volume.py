@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
@@ -12,11 +13,15 @@ from ..core.errors import bad
 from ..core.grid import Grid
 from ..core.lights import Light
 from ..core.medium import Medium
-from .angular import Angular, View, toward_eye
+from .angular import Angular, Moment, View, toward_eye
 
 # A term as the native line integral takes it: planes, weight, and the number of its angular
 # dependence.
 NativeTerm = tuple[tuple[int, ...], tuple[float, float, float], int | None]
+
+
+# The channel of a stochastic model that holds the standard error of its in-scattered radiance.
+STANDARD_ERROR = "standard_error"
 
 
 @dataclass(frozen=True)
@@ -40,10 +45,12 @@ class RadianceTerm:
 
 @dataclass(frozen=True)
 class Cost:
-    """What a bake took: seconds of the model's own work, and the process's peak memory."""
+    """What a bake took: seconds of the model's own work, and the process's peak memory; and where
+    the model knows it, how far off it is (`relative_standard_error`)."""
 
     seconds: float = 0.0
     peak_bytes: int = 0
+    error_estimate: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +113,19 @@ class IlluminationVolume:
             total += part if angular is None else part * self._seen(angular, view)
         return self.medium.sigma_t.with_values(np.maximum(total, 0), "in_scattered")
 
+    def mean_over_views(self) -> Grid:
+        """In-scattered radiance averaged over all directions to the eye, [i, j, k, 3]: a phase
+        function has the mean 1, and of the moments only the first has a mean."""
+        terms = []
+        for term in self.radiance:
+            if isinstance(term.angular, Moment):
+                if term.angular.index > 0:
+                    continue
+                red, green, blue = (weight / math.sqrt(4 * math.pi) for weight in term.weight)
+                term = replace(term, weight=(red, green, blue))
+            terms.append(replace(term, angular=None))
+        return self.with_radiance(tuple(terms)).in_scattered()
+
     def _summed(self, angular: Angular | None) -> NDArray[np.float32]:
         """The sum of the terms with this dependence on the eye, without it, [i, j, k, 3]."""
         total = np.zeros((*self.medium.sigma_t.shape, 3), np.float32)
@@ -135,6 +155,16 @@ class IlluminationVolume:
             points = lattice.to_world(index.astype(np.float64))
             factor[i, ..., 0] = angular.values(toward_eye(view, points), points)[0]
         return factor
+
+    def relative_standard_error(self) -> float | None:
+        """RMS of the channel STANDARD_ERROR over that of the radiance averaged over views, where
+        there is matter; None without that channel."""
+        if STANDARD_ERROR not in self.channels:
+            return None
+        matter = self.medium.sigma_t.values.reshape(*self.medium.sigma_t.shape, -1).any(-1)
+        power = np.mean(self.mean_over_views().values[matter].astype(np.float64) ** 2)
+        noise = np.mean(self.channels[STANDARD_ERROR].values[matter].astype(np.float64) ** 2)
+        return math.sqrt(noise / power) if power > 0 else 0.0
 
     def component(self, factor: Factor) -> NDArray[np.float32]:
         """The factor's values, [i, j, k, 1] or [i, j, k, 3]."""

@@ -1,0 +1,284 @@
+#include "volillum/photons.h"
+
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/unique_ptr.h>
+
+#include "ray_arguments.h"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+using namespace volillum;
+using namespace volillum::bindings;
+
+namespace {
+
+using Kind = PhotonSource::Kind;
+using Sums = nb::ndarray<std::int64_t, nb::c_contig, nb::device::cpu>;
+using Squares = nb::ndarray<double, nb::c_contig, nb::device::cpu>;
+
+Vec3 unit_vector(nb::handle value, const char *name) {
+    const Vec3 vector = as_vector(value, name);
+    const double size = length(vector);
+    if (!(std::abs(size - 1.0) < 1e-6))
+        fail(std::string(name) + " has length " + std::to_string(size) + "; expected 1");
+    return (1.0 / size) * vector;
+}
+
+void require_cosine(double cosine) {
+    if (!(cosine >= -1.0 && cosine <= 1.0))
+        fail("cos_half_angle is " + std::to_string(cosine) + "; expected -1 to 1");
+}
+
+PhotonSource distant(nb::handle direction, double cos_half_angle) {
+    require_cosine(cos_half_angle);
+    PhotonSource source;
+    source.kind = Kind::distant;
+    source.direction = -1.0 * unit_vector(direction, "direction");
+    source.cos_half_angle = cos_half_angle;
+    return source;
+}
+
+PhotonSource environment() {
+    return {};
+}
+
+// Radiance over its mean over the colours, where those differ at all.
+std::vector<float> colours_of(const double *rgb, std::size_t count, std::vector<double> &means) {
+    std::vector<float> colours(3 * count, 1.0f);
+    bool grey = true;
+    for (std::size_t i = 0; i < count; ++i) {
+        means[i] = (rgb[3 * i] + rgb[3 * i + 1] + rgb[3 * i + 2]) / 3.0;
+        for (std::size_t c = 0; c < 3; ++c) {
+            if (!(rgb[3 * i + c] >= 0.0))
+                fail("a source holds a negative value; expected 0 or more");
+            if (means[i] > 0.0) colours[3 * i + c] = float(rgb[3 * i + c] / means[i]);
+            grey = grey && rgb[3 * i + c] == rgb[3 * i];
+        }
+    }
+    if (grey) colours.clear();
+    return colours;
+}
+
+AliasTable table_of(const std::vector<double> &weights) {
+    try {
+        return AliasTable(weights);
+    } catch (const std::invalid_argument &error) {
+        fail(error.what());
+    }
+}
+
+PhotonSource image(const DoubleArray &radiance, const DoubleArray &rotation) {
+    const auto shape = shape_of(radiance);
+    if (shape.size() != 3 || shape[2] != 3 || shape[0] == 0 || shape[1] == 0)
+        fail("radiance has shape " + shape_text(shape) + "; expected (h, w, 3)");
+    if (shape_of(rotation) != std::vector<std::size_t>{3, 3})
+        fail("rotation has shape " + shape_text(shape_of(rotation)) + "; expected (3, 3)");
+    require_finite(radiance, "radiance");
+    require_finite(rotation, "rotation");
+    PhotonSource source;
+    source.kind = Kind::image;
+    source.height = shape[0];
+    source.width = shape[1];
+    std::vector<double> weights(shape[0] * shape[1]);
+    source.colours = colours_of(radiance.data(), weights.size(), weights);
+    for (std::size_t row = 0; row < shape[0]; ++row) {
+        const double top = std::sin(M_PI * (0.5 - double(row) / double(shape[0]))),
+                     bottom = std::sin(M_PI * (0.5 - double(row + 1) / double(shape[0])));
+        for (std::size_t column = 0; column < shape[1]; ++column)
+            weights[row * shape[1] + column] *= (top - bottom) * 2.0 * M_PI / double(shape[1]);
+    }
+    source.table = table_of(weights);
+    for (std::size_t a = 0; a < 3; ++a)
+        for (std::size_t b = 0; b < 3; ++b) source.rotation[a][b] = rotation.data()[3 * a + b];
+    return source;
+}
+
+PhotonSource point(nb::handle position) {
+    PhotonSource source;
+    source.kind = Kind::point;
+    source.position = as_vector(position, "position");
+    return source;
+}
+
+PhotonSource spot(nb::handle position, nb::handle direction, double cos_half_angle, double blend) {
+    require_cosine(cos_half_angle);
+    PhotonSource source = point(position);
+    source.kind = Kind::spot;
+    source.direction = unit_vector(direction, "direction");
+    source.cos_half_angle = cos_half_angle;
+    source.blend = blend;
+    return source;
+}
+
+PhotonSource area(nb::handle position, nb::handle direction, nb::handle half_axes, bool ellipse) {
+    PhotonSource source = point(position);
+    source.kind = Kind::area;
+    source.direction = unit_vector(direction, "direction");
+    const DoubleArray axes = as_doubles(half_axes, "half_axes");
+    if (shape_of(axes) != std::vector<std::size_t>{2, 3})
+        fail("half_axes has shape " + shape_text(shape_of(axes)) + "; expected (2, 3)");
+    for (std::size_t a = 0; a < 2; ++a)
+        source.half_axes[a] = {axes.data()[3 * a], axes.data()[3 * a + 1], axes.data()[3 * a + 2]};
+    source.ellipse = ellipse;
+    return source;
+}
+
+PhotonSource emission(const DoubleArray &values) {
+    const auto shape = shape_of(values);
+    if (shape.size() != 4 || shape[3] != 3)
+        fail("emission has shape " + shape_text(shape) + "; expected (nx, ny, nz, 3)");
+    require_finite(values, "emission");
+    PhotonSource source;
+    source.kind = Kind::emission;
+    std::vector<double> weights(values.size() / 3);
+    source.colours = colours_of(values.data(), weights.size(), weights);
+    source.table = table_of(weights);
+    source.height = weights.size();
+    return source;
+}
+
+// The tracer and the arrays that it reads.
+class Photons {
+public:
+    Photons(const PlanesArray &sigma_t, const PlanesArray &sigma_s,
+            const DoubleArray &index_to_world, double g)
+        : sigma_t_(sigma_t), sigma_s_(sigma_s), shape_(grid_shape(sigma_t, "sigma_t")) {
+        require_grid(sigma_s, "sigma_s", shape_);
+        lattice(index_to_world);
+        if (!(std::abs(g) < 1.0))
+            fail("g is " + std::to_string(g) + "; expected more than -1 and less than 1");
+        tracer_ = std::make_unique<PhotonTracer>(
+            index_to_world.data(), shape_, PhotonMedium{planes(sigma_t_), planes(sigma_s_), g});
+    }
+
+    std::size_t colours(const PhotonSource &source) const { return tracer_->colours(source); }
+    double deposit_unit(const PhotonSource &source, bool unscattered) const {
+        return tracer_->deposit_unit(source, unscattered);
+    }
+
+    nb::dict run(const PhotonSource &source, Sums sums, Squares squares, std::uint64_t seed,
+                 std::uint64_t pass, std::int64_t photons, bool unscattered, int threads,
+                 Control *control) {
+        const std::size_t voxels = shape_[0] * shape_[1] * shape_[2], each = colours(source);
+        const bool many = sums.ndim() == 3 && sums.shape(1) == 9;
+        const std::size_t moments = many ? 9 : 1;
+        if (shape_of(sums) != std::vector<std::size_t>{voxels, moments, each})
+            fail("sums has shape " + shape_text(shape_of(sums)) + "; expected " +
+                 shape_text({voxels, moments, each}) + " with 1 or 9 moments");
+        if (shape_of(squares) != std::vector<std::size_t>{voxels, each})
+            fail("squares has shape " + shape_text(shape_of(squares)) + "; expected " +
+                 shape_text({voxels, each}));
+        if (photons < 1 || photons > 100000000)
+            fail("photons is " + std::to_string(photons) + "; expected 1 to 100000000");
+        if (source.kind == Kind::emission && source.height != voxels)
+            fail("the emission has " + std::to_string(source.height) + " voxels; expected " +
+                 std::to_string(voxels));
+        PhotonRun pass_of;
+        pass_of.seed = seed;
+        pass_of.pass = pass;
+        pass_of.photons = std::size_t(photons);
+        pass_of.moments = moments;
+        pass_of.unscattered = unscattered;
+        pass_of.threads = threads;
+        pass_of.control = control;
+        PhotonTally tally;
+        {
+            const nb::gil_scoped_release release;
+            tally = tracer_->run(source, pass_of, {sums.data(), squares.data()});
+        }
+        const auto list = [&](const PhotonTally::Each &values) {
+            nb::list result;
+            for (std::size_t c = 0; c < each; ++c) result.append(values[c]);
+            return result;
+        };
+        nb::dict result;
+        result["emitted"] = list(tally.emitted);
+        result["missed"] = list(tally.missed);
+        result["absorbed"] = list(tally.absorbed);
+        result["roulette"] = list(tally.roulette);
+        nb::list faces;
+        for (const PhotonTally::Each &face : tally.escaped) faces.append(list(face));
+        result["escaped"] = faces;
+        result["scatterings"] = tally.scatterings;
+        result["power_unit"] = tracer_->power_unit(source, unscattered);
+        return result;
+    }
+
+private:
+    PlanesArray sigma_t_, sigma_s_;
+    Size3 shape_;
+    std::unique_ptr<PhotonTracer> tracer_;
+};
+
+nb::ndarray<nb::numpy, float> transmittance(const PlanesArray &sigma_t,
+                                            const DoubleArray &index_to_world, nb::handle position,
+                                            int threads, Control *control) {
+    const Size3 shape = grid_shape(sigma_t, "sigma_t");
+    const Lattice map = lattice(index_to_world);
+    const Vec3 target = as_vector(position, "point");
+    const std::size_t channels = sigma_t.shape(0);
+    const std::size_t size = channels * shape[0] * shape[1] * shape[2];
+    float *data = new float[size];
+    nb::capsule owner(data, [](void *memory) noexcept { delete[] static_cast<float *>(memory); });
+    const std::size_t extents[4] = {channels, shape[0], shape[1], shape[2]};
+    nb::ndarray<nb::numpy, float> result(data, 4, extents, owner);
+    {
+        const nb::gil_scoped_release release;
+        transmittance_to(map, index_to_world.data(), shape, planes(sigma_t), target, threads,
+                         control, data);
+    }
+    return result;
+}
+
+}  // namespace
+
+void bind_photons(nb::module_ &module) {
+    nb::class_<PhotonSource>(module, "PhotonSource",
+                             "Where photons come from, of strength 1 (Photons.deposit_unit).")
+        .def_static("distant", &distant, "direction"_a, "cos_half_angle"_a,
+                    "A uniform disc about the unit vector toward it; strength: fluence.")
+        .def_static("environment", &environment, "Constant radiance all around.")
+        .def_static(
+            "image", &image, "radiance"_a.noconvert(), "rotation"_a.noconvert(),
+            R"(A latitude-longitude image, float64 [h, w, 3], first row up; `rotation`, float64
+[3, 3], takes world directions to the image's. Pixels are chosen in proportion to their mean
+radiance times their solid angle.)")
+        .def_static("point", &point, "position"_a, "Strength: radiant intensity.")
+        .def_static("spot", &spot, "position"_a, "direction"_a, "cos_half_angle"_a, "blend"_a,
+                    "A point that shines along `direction`; strength: intensity on the axis.")
+        .def_static(
+            "area", &area, "position"_a, "direction"_a, "half_axes"_a, "ellipse"_a,
+            R"(A rectangle (position +- half axes [2, 3]) or the ellipse in it, that shines to the
+side of `direction` with one radiance; strength: intensity on the axis.)")
+        .def_static("emission", &emission, "emission"_a.noconvert(),
+                    "The medium's own emission sigma_a L_e, float64 [nx, ny, nz, 3].");
+
+    nb::class_<Photons>(module, "Photons", R"(Photon tracing in one medium.
+
+sigma_t, sigma_s: float32 [1 or 3, nx, ny, nz], kept, not copied; index_to_world: float64 [4, 4];
+g: mean cosine of the Henyey-Greenstein phase function.)")
+        .def(nb::init<const PlanesArray &, const PlanesArray &, const DoubleArray &, double>(),
+             "sigma_t"_a.noconvert(), "sigma_s"_a.noconvert(), "index_to_world"_a, "g"_a = 0.0)
+        .def("colours", &Photons::colours, "source"_a,
+             "Colours of the deposits, 1 or 3: as few as medium and source allow.")
+        .def("deposit_unit", &Photons::deposit_unit, "source"_a, "unscattered"_a = false,
+             "In-scattered radiance of one unit of `sums`, times the number of photons.")
+        .def("run", &Photons::run, "source"_a, "sums"_a.noconvert(), "squares"_a.noconvert(),
+             nb::kw_only(), "seed"_a, "pass_index"_a, "photons"_a, "unscattered"_a = false,
+             "threads"_a = 0, "control"_a = nb::none(),
+             R"(Traces one pass and adds it to the sums, whole or (when cancelled) not at all.
+
+sums: int64 [voxels, 1 or 9, colours], the track lengths of each voxel's box, times sqrt(4 pi) Y_lm
+of the directions to the source (l <= 2) where there are 9; squares: float64 [voxels, colours], the
+squares of each pass's first. `seed` and `pass_index` choose the random numbers. `unscattered`:
+light that comes straight from the source counts too.
+Returns exact integers of power for each colour, in units of `power_unit` over `photons`: emitted =
+missed + absorbed + roulette + sum of escaped (through the low and high face of each index axis).)");
+
+    module.def(
+        "transmittance_to", &transmittance, "sigma_t"_a.noconvert(), "index_to_world"_a, "point"_a,
+        nb::kw_only(), "threads"_a = 0, "control"_a = nb::none(),
+        R"(Transmittance between every voxel centre and a world point, without quadrature error.
+
+sigma_t: float32 [1 or 3, nx, ny, nz]. Returns float32 of the same shape.)");
+}

@@ -1,0 +1,189 @@
+#include "volillum/photons.h"
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "photon_trace.h"
+#include "volillum/affine.h"
+#include "volillum/parallel.h"
+
+namespace volillum {
+
+namespace {
+
+// Photons of one work item, and voxels of one when passes are added up.
+constexpr std::size_t kBatch = 2048, kChunk = 1 << 16;
+
+using TraceFunction = void (*)(const TraceContext &, TraceResult &, std::uint64_t, std::uint64_t);
+
+[[gnu::flatten]] VOLILLUM_DISPATCH void trace_grey(const TraceContext &context, TraceResult &result,
+                                                   std::uint64_t first, std::uint64_t last) {
+    Tracer<1, false, 1>(context, result).trace(first, last);
+}
+[[gnu::flatten]] VOLILLUM_DISPATCH void trace_coloured(const TraceContext &context,
+                                                       TraceResult &result, std::uint64_t first,
+                                                       std::uint64_t last) {
+    Tracer<3, false, 1>(context, result).trace(first, last);
+}
+[[gnu::flatten]] VOLILLUM_DISPATCH void trace_chromatic(const TraceContext &context,
+                                                        TraceResult &result, std::uint64_t first,
+                                                        std::uint64_t last) {
+    Tracer<3, true, 1>(context, result).trace(first, last);
+}
+[[gnu::flatten]] VOLILLUM_DISPATCH void trace_grey_moments(const TraceContext &context,
+                                                           TraceResult &result, std::uint64_t first,
+                                                           std::uint64_t last) {
+    Tracer<1, false, 9>(context, result).trace(first, last);
+}
+[[gnu::flatten]] VOLILLUM_DISPATCH void trace_coloured_moments(const TraceContext &context,
+                                                               TraceResult &result,
+                                                               std::uint64_t first,
+                                                               std::uint64_t last) {
+    Tracer<3, false, 9>(context, result).trace(first, last);
+}
+[[gnu::flatten]] VOLILLUM_DISPATCH void trace_chromatic_moments(const TraceContext &context,
+                                                                TraceResult &result,
+                                                                std::uint64_t first,
+                                                                std::uint64_t last) {
+    Tracer<3, true, 9>(context, result).trace(first, last);
+}
+
+void add(PhotonTally::Each &to, const PhotonTally::Each &from) {
+    for (std::size_t c = 0; c < to.size(); ++c) to[c] += from[c];
+}
+
+void add(PhotonTally &to, const PhotonTally &from) {
+    add(to.emitted, from.emitted);
+    add(to.missed, from.missed);
+    add(to.absorbed, from.absorbed);
+    add(to.roulette, from.roulette);
+    for (std::size_t face = 0; face < 6; ++face) add(to.escaped[face], from.escaped[face]);
+    to.scatterings += from.scatterings;
+}
+
+// Adds the threads' deposits of a pass to the sums and empties them. Not cancelled half way.
+void fold(std::vector<Deposits> &deposits, std::size_t voxels, std::size_t width, std::size_t each,
+          int threads, const PhotonSums &result) {
+    std::vector<Deposits::Spill> spilled;
+    for (Deposits &some : deposits) {
+        spilled.insert(spilled.end(), some.spilled.begin(), some.spilled.end());
+        some.spilled.clear();
+    }
+    std::sort(spilled.begin(), spilled.end());
+    const auto chunks = (voxels + kChunk - 1) / kChunk;
+    parallel_for(chunks, threads, nullptr, [&](std::size_t chunk, int) {
+        const std::size_t from = chunk * kChunk * width,
+                          to = std::min((chunk + 1) * kChunk, voxels) * width;
+        auto carry =
+            std::lower_bound(spilled.begin(), spilled.end(), Deposits::Spill(from, INT64_MIN));
+        for (std::size_t i = from; i < to; ++i) {
+            std::int64_t sum = 0;
+            for (Deposits &some : deposits) {
+                sum += some.values()[i];
+                some.values()[i] = 0;
+            }
+            for (; carry != spilled.end() && carry->first == i; ++carry) sum += carry->second;
+            if (sum == 0) continue;
+            result.sums[i] += sum;
+            const std::size_t part = i % width;
+            if (part < each) result.squares[i / width * each + part] += double(sum) * double(sum);
+        }
+    });
+}
+
+}  // namespace
+
+struct PhotonTracer::Impl {
+    PhotonGeometry geometry;
+    PhotonField field;
+    float inverse[3][3];
+    std::vector<Deposits> buffers;
+
+    Impl(const double *index_to_world, const Size3 &shape, const PhotonMedium &medium)
+        : geometry(index_to_world, shape), field(geometry, medium) {
+        const Matrix3 linear = inverse_linear(index_to_world);
+        for (std::size_t row = 0; row < 3; ++row)
+            for (std::size_t column = 0; column < 3; ++column)
+                inverse[row][column] = float(linear[row][column]);
+    }
+
+    // Light that is deposited before it meets matter must cross the whole lattice.
+    Box box(bool unscattered) const {
+        Box whole;
+        for (std::size_t a = 0; a < 3; ++a) {
+            whole.low[a] = 0.0;
+            whole.high[a] = double(geometry.shape[a]) + 1.0;
+        }
+        return unscattered || field.empty ? whole : field.box;
+    }
+
+    // Buffers of zeros, kept between passes.
+    std::vector<Deposits> &scratch(std::size_t workers, std::size_t size) {
+        if (buffers.size() != workers || buffers.front().size() != size) {
+            buffers.clear();
+            for (std::size_t w = 0; w < workers; ++w) buffers.emplace_back(size);
+        }
+        return buffers;
+    }
+
+    TraceFunction function(std::size_t colours, std::size_t moments) const {
+        const bool chromatic = field.channels_t == 3, many = moments > 1;
+        if (chromatic) return many ? trace_chromatic_moments : trace_chromatic;
+        if (colours == 3) return many ? trace_coloured_moments : trace_coloured;
+        return many ? trace_grey_moments : trace_grey;
+    }
+};
+
+PhotonTracer::PhotonTracer(const double *index_to_world, const Size3 &shape,
+                           const PhotonMedium &medium)
+    : impl_(std::make_unique<Impl>(index_to_world, shape, medium)) {}
+PhotonTracer::~PhotonTracer() = default;
+
+std::size_t PhotonTracer::colours(const PhotonSource &source) const {
+    const PhotonField &field = impl_->field;
+    return field.channels_t == 3 || field.channels_s == 3 || source.coloured() ? 3 : 1;
+}
+
+double PhotonTracer::power_unit(const PhotonSource &source, bool unscattered) const {
+    return PhotonEmitter(source, impl_->geometry, impl_->box(unscattered)).power / kTallyUnit;
+}
+
+double PhotonTracer::deposit_unit(const PhotonSource &source, bool unscattered) const {
+    const PhotonGeometry &geometry = impl_->geometry;
+    return PhotonEmitter(source, geometry, impl_->box(unscattered)).power *
+           geometry.voxel_diagonal / (double(Deposits::unit) * 4.0 * M_PI * geometry.voxel_volume);
+}
+
+PhotonTally PhotonTracer::run(const PhotonSource &source, const PhotonRun &run,
+                              const PhotonSums &result) {
+    const PhotonField &field = impl_->field;
+    const PhotonEmitter emitter(source, impl_->geometry, impl_->box(run.unscattered));
+    const std::size_t each = colours(source), width = each * run.moments;
+    const std::size_t batches = (run.photons + kBatch - 1) / kBatch;
+    const TraceFunction trace = impl_->function(each, run.moments);
+    const std::size_t workers =
+        std::min<std::size_t>(std::size_t(thread_count(run.threads)), batches);
+
+    TraceContext context{&field,          &impl_->geometry,
+                         &emitter,        Random::mix(Random::mix(run.seed) + run.pass),
+                         run.unscattered, {}};
+    std::copy_n(&impl_->inverse[0][0], 9, &context.inverse[0][0]);
+    std::vector<Deposits> &deposits = impl_->scratch(workers, field.voxels * width);
+    std::vector<TraceResult> results(workers);
+    for (std::size_t w = 0; w < workers; ++w) results[w].deposits = &deposits[w];
+    try {
+        parallel_for(batches, int(workers), run.control, [&](std::size_t batch, int worker) {
+            trace(context, results[std::size_t(worker)], batch * kBatch,
+                  std::min((batch + 1) * kBatch, run.photons));
+        });
+    } catch (...) {
+        deposits.clear();
+        throw;
+    }
+    fold(deposits, field.voxels, width, each, int(workers), result);
+    PhotonTally tally;
+    for (const TraceResult &some : results) add(tally, some.tally);
+    return tally;
+}
+
+}  // namespace volillum

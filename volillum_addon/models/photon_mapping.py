@@ -1,0 +1,188 @@
+"""Progressive photon mapping (Hachisuka et al. 2008, Knaus and Zwicker 2011), the paper's
+Eqs. 14 to 16: the full volume rendering equation.
+
+    L_i(x) = integral of p(omega . v) L(x, omega) d omega
+    L(x, omega) = L_light T + integral of T (sigma_s L_i + sigma_a L_e) ds
+
+Unscattered light is computed apart, exactly, one visibility a light; photons bring only what has
+been scattered at least once. The estimate is the photons' track length in each voxel's box,
+J = (1 / 4 pi) sum of power * length / volume: it has no kernel, works in the void and at borders,
+and passes average without bias beyond the mean over a voxel.
+
+Where the medium is anisotropic (g), unscattered light of one direction is multiplied by the phase
+function toward the eye, and all other light is kept as directional moments up to l = 2, which g^l
+carries through the phase function; the rest is estimated and noted. Nothing else of the equation is
+neglected: what remains is noise, which falls with the root of the number of photons and is known at
+every voxel.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.control import Control
+from ..core.grid import Grid
+from ..core.lights import Light
+from ..core.medium import Medium
+from ..core.scene import Scene
+from . import photon_lights
+from .angular import MOMENT_ORDER, MOMENTS, Moment
+from .model import Model, Need, Parameter, Values
+from .operator import Operator
+from .photon_state import LEAST_PASSES, PACK, UNSCATTERED_SHARE, PhotonState
+from .settings import NEAR_SLICES
+from .volume import STANDARD_ERROR, Factor, IlluminationVolume, RadianceTerm
+
+
+def operator(values: Values) -> Operator:
+    """The row of this model."""
+    return Operator(
+        "phase",
+        "none",
+        "lights",
+        order=math.inf,
+        rescatter="phase",
+        gathers_emission=True,
+        image_emission=True,
+    )
+
+
+def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
+    """The channels that `radiance` reads, and `standard_error`."""
+    with control.stage(0, UNSCATTERED_SHARE, "unscattered light"):
+        state = PhotonState(scene, values, control)
+    with control.stage(UNSCATTERED_SHARE, 1, "photons"):
+        state.refine(
+            int(values["passes"]), control, float(values["error"]), float(values["seconds"])
+        )
+    return state.channels()
+
+
+def radiance(lights: tuple[Light, ...], medium: Medium, values: Values) -> tuple[RadianceTerm, ...]:
+    """L_i = sum over lights of strength times what one unit of the light does, and what the medium
+    emits. Channels are scalar, or RGB where the medium or the light's image is coloured.
+
+    g = 0: `light_<i>` is in-scattered radiance itself.
+    Otherwise: `direct_<i>`, unscattered light of one direction, times 4 pi times the phase
+    function; and the moments M_lm / sqrt(4 pi) of all other light, times g^l: RGB `moment_<m>_<i>`,
+    or three scalars to a grid in `moments_0_<i>` to `moments_2_<i>`.
+    """
+    terms: list[RadianceTerm] = []
+    sources: list[Light | None] = [*lights, *([None] if medium.emission is not None else [])]
+    for index, light in enumerate(sources):
+        suffix = "_emitted" if light is None else f"_{index}"
+        strength = np.ones(3) if light is None else photon_lights.strength(light, medium.sigma_t)
+        if medium.g == 0:
+            terms.append(RadianceTerm((Factor("light" + suffix),), _rgb(strength)))
+            continue
+        if light is not None and photon_lights.has_direction(light):
+            phase = photon_lights.phase_of(light, medium.g)
+            terms.append(RadianceTerm((Factor("direct" + suffix),), _rgb(strength), phase))
+        emission = medium.emission if light is None else None
+        coloured = (
+            3 in (medium.sigma_t.channels, medium.sigma_s.channels)
+            or (emission is not None and emission.channels == 3)
+            or (light is not None and photon_lights.is_coloured(light))
+        )
+        for moment in range(MOMENTS):
+            weight = strength * (math.sqrt(4 * math.pi) * medium.g ** math.isqrt(moment))
+            factor = (
+                Factor(f"moment_{moment}{suffix}")
+                if coloured
+                else Factor(f"moments_{moment // PACK}{suffix}", moment % PACK)
+            )
+            terms.append(RadianceTerm((factor,), _rgb(weight), Moment(moment)))
+    return tuple(terms)
+
+
+def _rgb(weight: NDArray[np.float64]) -> tuple[float, float, float]:
+    return float(weight[0]), float(weight[1]), float(weight[2])
+
+
+def remarks(volume: IlluminationVolume) -> tuple[str, ...]:
+    """What the bands above l = 2 would add, estimated: they are not stored.
+
+    Averaged over directions of view, band l has the mean square g^(2 l) E_l with E_l the sum over
+    m of M_lm^2 / (4 pi), less what noise adds. E_l is continued from bands 1 and 2 as a geometric
+    series, as for light that scattering makes ever more even.
+    """
+    if not any(isinstance(term.angular, Moment) for term in volume.radiance):
+        return ()
+    noise = np.broadcast_to(
+        volume.channels[STANDARD_ERROR].values.reshape(*volume.medium.sigma_t.shape, -1) ** 2,
+        (*volume.medium.sigma_t.shape, 3),
+    )
+    matter = volume.medium.sigma_t.values.reshape(*volume.medium.sigma_t.shape, -1).any(-1)
+    noisy = float(noise[matter].astype(np.float64).mean())
+    g = volume.medium.g
+    energy = []
+    for band in range(MOMENT_ORDER + 1):
+        total = 0.0
+        for index in range(band**2, (band + 1) ** 2):
+            some = [t for t in volume.radiance if t.angular == Moment(index)]
+            part = sum(
+                volume.component(term.factors[0])[matter].astype(np.float64) * term.weight
+                for term in some
+            )
+            total += float(np.mean(np.square(part))) / (4 * math.pi * g ** (2 * band))
+        energy.append(max(total - (2 * band + 1) * noisy, 0.0))
+    mean = volume.mean_over_views().values[matter].astype(np.float64)
+    power = float(np.mean(mean**2))
+    if not energy[1] or not power:
+        return ()
+    ratio = min(energy[2] / energy[1], 1.0)
+    rest = energy[2] * g**6 * ratio / (1 - g * g * ratio)
+    return (
+        f"the light that is scattered more than once keeps the bands 0 to {MOMENT_ORDER} of its "
+        f"directions; the others are estimated at {100 * math.sqrt(rest / power):.2g} % of the "
+        "radiance",
+    )
+
+
+MODEL = Model(
+    id="photon_mapping",
+    label="Photon mapping",
+    citation="Knaus, Zwicker: Progressive Photon Mapping: A Probabilistic Approach, ACM "
+    "Transactions on Graphics 30(3), 2011",
+    equation="14 to 16",
+    summary="All scattering, every light and the medium's glow; slow, with noise that is known.",
+    parameters=(
+        Parameter("photons", 50_000, "Photons of each light in a pass", 1, 100_000_000),
+        Parameter(
+            "passes",
+            16,
+            "Passes at most: noise falls with the root of their number, time grows with it",
+            LEAST_PASSES,
+            1_000_000,
+        ),
+        Parameter("error", 0.0, "Stop at this relative error (RMS, in matter); 0: never", 0.0, 1.0),
+        Parameter("seconds", math.inf, "Stop after this time", 1e-3, math.inf, "seconds"),
+        Parameter("noise_seed", 0, "Another seed gives other noise", 0, 2**31 - 1),
+        Parameter(
+            "directions",
+            256,
+            "Directions of unscattered light from all around: more for hard surfaces",
+            8,
+            4096,
+        ),
+        NEAR_SLICES,
+    ),
+    needs=(
+        Need("multiple scattering", "represents", "all orders"),
+        Need("every kind of light", "represents", "with its size"),
+        Need("emission", "represents", "also as light on the medium"),
+        Need("chromatic extinction", "represents", "all channels along one path"),
+        Need("phase function", "represents", "exactly for unscattered light of one direction"),
+        Need("phase function of other light", "approximates", "its bands 0 to 2"),
+    ),
+    lights=frozenset({"distant", "point", "spot", "area", "environment"}),
+    rebake_on=frozenset({"extinction", "scattering", "emission", "light shape", "phase function"}),
+    operator=operator,
+    solve=solve,
+    radiance=radiance,
+    remarks=remarks,
+    ladder=({"passes": 4}, {"passes": 16}, {"passes": 64}),
+)

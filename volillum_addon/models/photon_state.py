@@ -1,0 +1,276 @@
+"""The state of a progressive photon run: what has been counted so far, to be refined and saved."""
+
+from __future__ import annotations
+
+import math
+import os
+import tempfile
+import time
+from dataclasses import dataclass
+from hashlib import blake2b
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.control import Control
+from ..core.errors import InputError, bad
+from ..core.grid import Grid
+from ..core.lights import light_shape
+from ..core.native import native
+from ..core.scene import Scene
+from . import photon_lights
+from .angular import MOMENTS
+from .engines import channels_of
+from .model import Values
+from .volume import STANDARD_ERROR
+
+# A standard error needs two passes.
+LEAST_PASSES = 2
+# Share of the progress that unscattered light takes.
+UNSCATTERED_SHARE = 0.1
+STATE_FORMAT = 1
+# Scalar moments in one vector grid: a material reads at most 15 grids in EEVEE.
+PACK = 3
+
+
+@dataclass(eq=False)
+class Part:
+    """One light, or the medium's emission, at unit strength.
+
+    `sums` int64 [voxels, moments, colours] and `squares` float64 [voxels, colours] are the native
+    engine's, of `passes` passes; `unscattered` [1 or 9 moments, 1 or 3, i, j, k] is exact, None for
+    the medium's emission; `scale` is the in-scattered radiance of one unit of `sums`, times the
+    number of photons. `one_way`: unscattered light comes from one direction, and is kept apart
+    where the phase function needs to know.
+    """
+
+    source: native.PhotonSource
+    sums: NDArray[np.int64]
+    squares: NDArray[np.float64]
+    unscattered: NDArray[np.float32] | None
+    scale: float
+    strength: NDArray[np.float64]
+    one_way: bool
+    passes: int = 0
+
+
+class PhotonState:
+    """A run that can be refined, saved and continued.
+
+    Pass k draws the random numbers of (seed, k), and sums are integers: a continued run equals an
+    uninterrupted one bit for bit, with any number of threads.
+    """
+
+    def __init__(self, scene: Scene, values: Values, control: Control | None = None) -> None:
+        """`scene` is trimmed; computes the unscattered light."""
+        control = control or Control()
+        self.scene, self.values = scene, dict(values)
+        medium = scene.medium
+        self._moments = 1 if medium.g == 0 else MOMENTS
+        self._photons = native.Photons(
+            medium.sigma_t.planes(), medium.sigma_s.planes(), medium.sigma_t.index_to_world,
+            medium.g,
+        )  # fmt: skip
+        self.parts: list[Part] = []
+        lattice = medium.sigma_t
+        for index, light in enumerate(scene.lights):
+            begin, end = index / len(scene.lights), (index + 1) / len(scene.lights)
+            with control.stage(begin, end, f"light {index + 1}"):
+                exact = photon_lights.unscattered(
+                    light, medium, int(values["directions"]), int(values["near"]), control
+                )
+            source, unit = photon_lights.source(light), photon_lights.unit(light, lattice)
+            strength = photon_lights.strength(light, lattice)
+            one_way = medium.g != 0 and photon_lights.has_direction(light)
+            self.parts.append(self._part(source, exact, unit, strength, one_way))
+        if medium.emission is not None:
+            source = photon_lights.emission_source(medium.emission)
+            self.parts.append(self._part(source, None, 1.0, np.ones(3), False))
+
+    def _part(
+        self,
+        source: native.PhotonSource,
+        unscattered: NDArray[np.float32] | None,
+        unit: float,
+        strength: NDArray[np.float64],
+        one_way: bool,
+    ) -> Part:
+        colours = self._photons.colours(source)
+        voxels = math.prod(self.scene.medium.sigma_t.shape)
+        return Part(
+            source,
+            np.zeros((voxels, self._moments, colours), np.int64),
+            np.zeros((voxels, colours), np.float64),
+            unscattered,
+            unit * self._photons.deposit_unit(source, unscattered is None),
+            strength,
+            one_way,
+        )
+
+    @property
+    def passes(self) -> int:
+        """Passes of all parts so far."""
+        return min(part.passes for part in self.parts)
+
+    def refine(
+        self,
+        passes: int,
+        control: Control | None = None,
+        error: float = 0.0,
+        seconds: float = math.inf,
+    ) -> None:
+        """Add up to `passes` passes; stops earlier at the relative error `error` or after
+        `seconds`, but never before LEAST_PASSES passes in all."""
+        control = control or Control()
+        begin, looked = time.perf_counter(), self.passes
+        for done in range(passes):
+            number = self.passes
+            for index, part in enumerate(self.parts):
+                first = (done + index / len(self.parts)) / passes
+                last = (done + (index + 1) / len(self.parts)) / passes
+                # A cancelled run may have left some parts a pass ahead.
+                if part.passes == number:
+                    with control.stage(first, last, f"pass {number + 1}"):
+                        self._trace(index, part, control)
+            if self.passes < LEAST_PASSES:
+                continue
+            if time.perf_counter() - begin >= seconds:
+                return
+            # The error falls with the root of the passes: looked at after every eighth more.
+            if error > 0 and self.passes >= looked * 9 / 8:
+                looked = self.passes
+                if self.relative_error() <= error:
+                    return
+
+    def _trace(self, index: int, part: Part, control: Control) -> None:
+        self._photons.run(
+            part.source, part.sums, part.squares,
+            seed=(int(self.values["noise_seed"]) << 16) + index,
+            pass_index=part.passes, photons=int(self.values["photons"]),
+            unscattered=part.unscattered is None, control=control.native,
+        )  # fmt: skip
+        part.passes += 1
+
+    def channels(self) -> dict[str, Grid]:
+        """In-scattered radiance at unit strength, by light (`photon_mapping.radiance` has their
+        names and meaning), and `standard_error`: of the mean over directions of the sum over all
+        lights, at their strengths."""
+        self._need_passes()
+        lattice = self.scene.medium.sigma_t
+        result: dict[str, Grid] = {}
+        for index, part in enumerate(self.parts):
+            suffix = f"_{index}" if index < len(self.scene.lights) else "_emitted"
+            if part.one_way and part.unscattered is not None:
+                name = "direct" + suffix
+                result[name] = channels_of(lattice, part.unscattered[0], name)
+            moments = [self._moment(part, m) for m in range(self._moments)]
+            if len(moments) == 1:
+                name = "light" + suffix
+                result[name] = channels_of(lattice, moments[0], name)
+            elif len(moments[0]) == 3:
+                for m, planes in enumerate(moments):
+                    name = f"moment_{m}{suffix}"
+                    result[name] = channels_of(lattice, planes, name)
+            else:
+                for first in range(0, len(moments), PACK):
+                    name = f"moments_{first // PACK}{suffix}"
+                    planes = np.concatenate(moments[first : first + PACK])
+                    result[name] = channels_of(lattice, planes, name)
+        error = np.sqrt(self._variance()).astype(np.float32).T.reshape(-1, *lattice.shape)
+        result[STANDARD_ERROR] = channels_of(lattice, error, STANDARD_ERROR)
+        return result
+
+    def _moment(self, part: Part, moment: int) -> NDArray[np.float32]:
+        """One moment at unit strength, [1 or 3, i, j, k], of what is not kept apart."""
+        scale = part.scale / (int(self.values["photons"]) * part.passes)
+        scattered = part.sums[:, moment].T * scale
+        planes = scattered.reshape(-1, *self.scene.medium.sigma_t.shape).astype(np.float32)
+        if part.unscattered is None or part.one_way:
+            return planes
+        return np.asarray(planes + part.unscattered[moment])
+
+    def relative_error(self) -> float:
+        """Root mean square of the standard error over that of the in-scattered radiance (its mean
+        over directions), in voxels with matter."""
+        self._need_passes()
+        sigma_t = self.scene.medium.sigma_t.planes()
+        matter = (sigma_t > 0).any(axis=0)
+        total = np.zeros((3, int(matter.sum())))
+        for part in self.parts:
+            values = self._moment(part, 0)[:, matter].astype(np.float64)
+            if part.one_way and part.unscattered is not None:
+                values = values + part.unscattered[0][:, matter]
+            total += values * part.strength[:, None]
+        variance = np.broadcast_to(self._variance()[matter.reshape(-1)], total.T.shape).sum()
+        power = (total**2).sum()
+        return math.sqrt(variance / power) if power > 0 else 0.0
+
+    def _variance(self) -> NDArray[np.float64]:
+        """Squared standard error of the in-scattered radiance, [voxels, 1 or 3]."""
+        grey = all(part.sums.shape[2] == 1 and np.ptp(part.strength) == 0 for part in self.parts)
+        total = np.zeros((len(self.parts[0].sums), 1 if grey else 3))
+        for part in self.parts:
+            count = part.passes
+            mean = part.sums[:, 0] / count
+            variance = np.maximum(part.squares / count - mean**2, 0) / (count - 1)
+            scale = part.scale / int(self.values["photons"]) * part.strength[: total.shape[1]]
+            total += variance * scale**2
+        return total
+
+    def _need_passes(self) -> None:
+        if self.passes < LEAST_PASSES:
+            raise bad("the number of passes so far", self.passes, f"at least {LEAST_PASSES}")
+
+    def save(self, path: Path | str) -> None:
+        """Write the state, whole or not at all (a temporary file, then renamed)."""
+        target = Path(path)
+        arrays: dict[str, NDArray[np.generic]] = {
+            "format": np.array(STATE_FORMAT),
+            "inputs": np.array(self._fingerprint()),
+            "passes": np.array([part.passes for part in self.parts]),
+        }
+        for index, part in enumerate(self.parts):
+            arrays[f"sums_{index}"], arrays[f"squares_{index}"] = part.sums, part.squares
+        handle, temporary = tempfile.mkstemp(dir=target.parent, suffix=".part")
+        try:
+            with os.fdopen(handle, "wb") as file:
+                np.savez(file, **arrays)  # type: ignore[arg-type]
+            Path(temporary).replace(target)
+        except BaseException:
+            Path(temporary).unlink(missing_ok=True)
+            raise
+
+    def load(self, path: Path | str) -> None:
+        """Take over the counts that `save` wrote for the same scene and settings.
+
+        Raises InputError for a file that is not such a state, or one of other inputs.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                stored = dict(file)
+        except (OSError, ValueError, EOFError) as error:
+            raise InputError(f"{path} cannot be read ({error}); expected a saved state") from None
+        if int(stored.get("format", -1)) != STATE_FORMAT:
+            raise bad(f"{path}", "another file", "a state that this version saved")
+        if str(stored["inputs"]) != self._fingerprint():
+            raise bad(f"{path}'s inputs", "others", "this scene, photons and seed")
+        for index, part in enumerate(self.parts):
+            part.sums, part.squares = stored[f"sums_{index}"], stored[f"squares_{index}"]
+            part.passes = int(stored["passes"][index])
+
+    def _fingerprint(self) -> str:
+        """Of all that photons depend on."""
+        digest = blake2b(digest_size=16)
+        medium = self.scene.medium
+        for grid in (medium.sigma_t, medium.sigma_s, medium.emission):
+            if grid is not None:
+                digest.update(repr(grid.values.shape).encode() + grid.index_to_world.tobytes())
+                digest.update(grid.values)
+        settings = [self.values[name] for name in ("photons", "noise_seed")]
+        digest.update(repr((medium.g, settings)).encode())
+        for light in self.scene.lights:
+            digest.update(light.kind.encode())
+            for name, value in light_shape(light):
+                digest.update(name.encode() + np.asarray(value, np.float64).tobytes())
+        return digest.hexdigest()
