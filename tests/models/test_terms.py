@@ -4,7 +4,9 @@ import math
 from dataclasses import fields, replace
 
 import pytest
+from project_files import ROOT
 
+from volillum_addon.blender.describe import as_markdown
 from volillum_addon.models.model import Model
 from volillum_addon.models.operator import Operator
 from volillum_addon.models.registry import models
@@ -68,3 +70,9 @@ def test_every_model_differs_from_the_full_equation_as_its_notes_say(model: Mode
         assert treatment["emission"] == "ignores"
     assert all(math.isfinite(len(term.here)) and term.here for term in terms(operator))
     assert len(terms(operator)) == len(READERS)
+
+
+def test_the_documentation_has_the_table_that_the_code_prints() -> None:
+    """`volillum models --markdown > docs/comparison.md` after a change of a model's equation."""
+    page = (ROOT / "docs" / "comparison.md").read_text()
+    assert page == as_markdown(models()) + "\n"

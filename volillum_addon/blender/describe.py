@@ -54,15 +54,26 @@ def as_markdown(models: Sequence[Model]) -> str:
     rows = [
         [column[0].name, *(_cell(term) for term in column)] for column in zip(*columns, strict=True)
     ]
-    lines = [_row(head), _row(["---"] * len(head)), *map(_row, rows)]
+    lines = [*HEAD, _row(head), _row(["---"] * len(head)), *map(_row, rows)]
     for model in models:
         lines += ["", f"**{model.label}** (Eq. {model.equation})", ""]
         lines += [
             f"* {term.name}: {term.here}. {term.consequence[0].upper()}{term.consequence[1:]}."
             for term in _terms(model)
             if term.differs
-        ]
+        ] or ["* No term differs: what remains is noise, which falls with the number of photons."]
     return "\n".join(lines)
+
+
+HEAD = (
+    "# The models' equations, term by term",
+    "",
+    "What stands in each model's equation beside the full volume rendering equation, at default "
+    "settings; bold where it differs, with what follows below. Printed from the models' operators "
+    "by `volillum models --markdown`. How far each is from its own equation is in "
+    "[numerical errors](accuracy.md).",
+    "",
+)
 
 
 def _terms(model: Model) -> tuple[Term, ...]:

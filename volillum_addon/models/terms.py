@@ -74,6 +74,8 @@ def _directions(operator: Operator) -> tuple[str, str]:
         return "half of the sphere", "light that comes through the surface is lost"
     if operator.axis == "view":
         return "a cone toward the eye", "shadows follow the camera, not the light; re-bake on moves"
+    if operator.split == "luminance":
+        return "one to the light, and a cone for hue", "shadows are hard, whatever the light's size"
     return "a cone toward the light", "every light looks as large as the cone; edges need many rays"
 
 
