@@ -71,7 +71,7 @@ def cold_bake(
     """
     control = control or Control()
     plan = plan_bake(scene, model, directory, name, parameters, half)
-    timings = []
+    timings: list[Timing] = []
     with tempfile.TemporaryDirectory(prefix="volillum-") as folder:
         scene_file = Path(folder) / "scene.npz"
         write_scene(scene, scene_file)

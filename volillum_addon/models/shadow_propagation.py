@@ -76,7 +76,7 @@ def hue(radiance: NDArray[np.float64]) -> NDArray[np.float64]:
 def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
     """For each light its hard shadow `shadow_0`, lambda(L_l T) / lambda(L_l), and the lobe's mean
     hue `chroma_0` (RGB) where the medium has colour or glows."""
-    channels = {}
+    channels: dict[str, Grid] = {}
     suns = [light for light in scene.lights if isinstance(light, DistantLight)]
     for index, sun in enumerate(suns):
         with control.stage(index / len(suns), (index + 1) / len(suns), f"light {index + 1}"):
