@@ -130,6 +130,21 @@ def test_a_saved_scene_moves_together_with_its_volume(tmp_path: Path) -> None:
     assert bpy.context.scene.world.name == "Sky"
 
 
+def test_a_saved_scene_opens_on_what_its_camera_sees(tmp_path: Path) -> None:
+    write_plume(tmp_path / "plume.vdb")
+    preset = scene_presets.load("default")
+    scene_builder.save_scene(tmp_path / "plume.vdb", preset, tmp_path / "plume.blend")
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "plume.blend"))
+    areas = [area for screen in bpy.data.screens for area in screen.areas]
+    spaces = [area.spaces.active for area in areas if area.type == "VIEW_3D"]
+    assert spaces
+    for space in spaces:
+        assert space.region_3d.view_perspective == "CAMERA"
+        assert space.shading.type == "MATERIAL"
+        assert space.shading.use_scene_lights
+        assert space.shading.use_scene_world
+
+
 def test_a_folder_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
     write_plume(tmp_path / "plume.vdb")
     (tmp_path / "file").write_text("")

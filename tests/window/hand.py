@@ -23,7 +23,7 @@ STEP = 12
 ROW = 23
 FIRST_ITEM = 52
 # How long Blender may take to notice where the mouse is.
-NOTICE_SECONDS, MOTION_SECONDS = 0.06, 0.03
+NOTICE_SECONDS, NOTICE_LOOPS, MOTION_SECONDS = 0.02, 3, 0.03
 
 # Where things were found last: they are mostly still there.
 _places: dict[str, tuple[int, int]] = {}
@@ -62,10 +62,16 @@ def key(name: str) -> None:
     _display("xdotool", "key", name)
 
 
+def point(x: int, y: int) -> Steps:
+    """The mouse there, and Blender knows: its loop has gone round a few times, however slowly."""
+    move(x, y)
+    for _ in range(NOTICE_LOOPS):
+        yield NOTICE_SECONDS
+
+
 def click(x: int, y: int) -> Steps:
     """The left button, once Blender knows where the mouse is."""
-    move(x, y)
-    yield NOTICE_SECONDS
+    yield from point(x, y)
     _display("xdotool", "click", 1)
     yield 0.2
 
@@ -124,8 +130,7 @@ def find(wanted: str) -> Steps:
     # From where it was last to both sides.
     nearest = sorted(rows, key=lambda y: abs(y - known[1]))
     for x, y in [known, *((x, y) for y in nearest for x in columns)]:
-        move(x, y)
-        yield NOTICE_SECONDS
+        yield from point(x, y)
         if wanted in under_mouse():
             _places[wanted] = (x, y)
             return _places[wanted]
@@ -144,8 +149,7 @@ def choose(wanted: str, index: int) -> Steps:
     # Up to its edge, from which the items' places are counted.
     while wanted in under_mouse():
         y += 2
-        move(x, y)
-        yield NOTICE_SECONDS
+        yield from point(x, y)
     yield from click(x, y - ROW // 2)
     yield 0.5
     yield from click(x, y - ROW // 2 - FIRST_ITEM - ROW * index)
@@ -155,8 +159,7 @@ def choose(wanted: str, index: int) -> Steps:
 def type_into(wanted: str, text: str) -> Steps:
     """Double-click into a number or text, and write."""
     x, y = yield from find(wanted)
-    move(x, y)
-    yield NOTICE_SECONDS
+    yield from point(x, y)
     _display("xdotool", "click", "--repeat", 2, "--delay", 60, 1)
     yield 0.2
     key("ctrl+a")

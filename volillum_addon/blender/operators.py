@@ -56,7 +56,10 @@ class VOLILLUM_OT_show(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 
     baked: bpy.props.BoolProperty(
-        name="Baked", description="Show the bake; off: show the volume itself again", default=True
+        name="Baked",
+        description="Show the bake; off: show the volume itself again",
+        default=True,
+        options={"SKIP_SAVE"},  # Show means the bake, whatever was pressed last
     )
 
     def execute(self, context: bpy.types.Context) -> set[str]:

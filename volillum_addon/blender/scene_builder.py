@@ -34,6 +34,7 @@ def save_scene(volume: Path, preset: ScenePreset, target: Path) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     build_scene(bpy.context.scene, volume, grid, preset)
+    _look_through_the_camera()
     # Saved beside its final place, so that relative paths in it hold after the rename.
     temporary = target.with_name(f".{target.stem}.partial.blend")
     try:
@@ -64,6 +65,18 @@ def build_scene(scene: bpy.types.Scene, volume: Path, grid: Grid, preset: SceneP
     scene.world = _world(preset)
     scene.camera = camera
     _image(scene, preset)
+
+
+def _look_through_the_camera() -> None:
+    """Let every 3D view of the file open on what will be rendered, quickly: EEVEE, in the scene's
+    own light. A rendered view would start Cycles' full scattering as soon as the file is open."""
+    for screen in bpy.data.screens:
+        spaces = (space for area in screen.areas for space in area.spaces)
+        for space in spaces:
+            if space.type == "VIEW_3D":
+                space.region_3d.view_perspective = "CAMERA"
+                space.shading.type = "MATERIAL"
+                space.shading.use_scene_lights = space.shading.use_scene_world = True
 
 
 def _density(volume: Path) -> Grid:
