@@ -1,6 +1,7 @@
 """Numerical error of every model on the real volumes, and what its settings trade.
 
     python tests/benchmarks/accuracy.py [--voxels 4000] [--models ID,ID] [--volumes NAME,NAME]
+                                        [--settings NAME=VALUE,...] [--unclamped]
                                         [-o docs/accuracy.md]
 
 Baked in-scattered radiance at the models' default settings against `exact`, at camera-visible
@@ -39,7 +40,12 @@ one bake in a warm process.
 
 
 def measured(
-    name: str, model: Model, given: Mapping[str, Value], voxels: int, samples: int
+    name: str,
+    model: Model,
+    given: Mapping[str, Value],
+    voxels: int,
+    samples: int,
+    clamped: bool = True,
 ) -> tuple[Figure, float] | str:
     """The error and the seconds of the bake, or why the model cannot serve the scene."""
     scene = volumes.scene(name)
@@ -47,7 +53,7 @@ def measured(
         begin = time.perf_counter()
         volume = illuminate(scene, model.id, given)
         seconds = time.perf_counter() - begin
-        return field_error(scene, volume, voxels, samples), seconds
+        return field_error(scene, volume, voxels, samples, clamped=clamped), seconds
     except InputError as error:
         return str(error)
 
@@ -73,22 +79,27 @@ def main() -> None:
     parser.add_argument("--models", default=",".join(MODELS))
     parser.add_argument("--volumes", default=",".join(volumes.MEDIA))
     parser.add_argument("--no-ladder", action="store_true", help="only the default settings")
+    parser.add_argument("--settings", default="", help="in place of the first table's defaults")
+    parser.add_argument("--unclamped", action="store_true", help="compare negative radiance too")
     parser.add_argument("-o", "--output", type=Path, help="write the page there")
     options = parser.parse_args()
     models = [MODELS[each] for each in options.models.split(",")]
     names = options.volumes.split(",")
+    clamped = not options.unclamped
+    settings = dict(each.split("=") for each in options.settings.split(",") if each)
     rule = row(*["---"] * (len(names) + 1))
     lines = [HEAD.format(voxels=options.voxels), row("model", *names), rule]
 
     def add(label: str, model: Model, given: Mapping[str, Value]) -> None:
         cells = [
-            shown(measured(name, model, given, options.voxels, options.samples)) for name in names
+            shown(measured(name, model, given, options.voxels, options.samples, clamped))
+            for name in names
         ]
         lines.append(row(label, *cells))
         print(lines[-1], flush=True)
 
     for model in models:
-        add(model.label, model, {})
+        add(model.label, model, settings)
     if not options.no_ladder:
         lines += ["", "## What the settings trade", ""]
         lines += [row("settings", *names), rule]

@@ -8,10 +8,11 @@ from comparisons import synthetic_scene
 
 from volillum_addon.compare.errors import field_error, visible_voxels
 from volillum_addon.core.camera import Camera
+from volillum_addon.core.errors import InputError
 from volillum_addon.core.grid import Grid
 from volillum_addon.core.medium import Medium
 from volillum_addon.models.exact import exact
-from volillum_addon.models.illuminate import VOID_MARGIN
+from volillum_addon.models.illuminate import VOID_MARGIN, bake
 from volillum_addon.models.volume import Factor, IlluminationVolume, RadianceTerm
 
 DRAWS = 20_000
@@ -92,3 +93,24 @@ def test_a_field_of_another_albedo_is_no_error_of_the_field() -> None:
     points = medium.sigma_t.to_world(np.array([[9.0, 10, 11], [3, 10, 11]]))
     bright, dimmed = (exact(s, "spherical_harmonics", points, 256).value for s in (scene, dark))
     np.testing.assert_allclose(bright, dimmed, rtol=1e-12)
+
+
+def test_radiance_below_zero_is_compared_where_it_is_not_clamped() -> None:
+    """Matter so dense that the linear law of ambient occlusion is negative wherever it is seen."""
+    scene = synthetic_scene()
+    grid = scene.medium.sigma_t
+    dense = grid.with_values(grid.values * np.float32(100))
+    scene = replace(scene, medium=Medium(dense, dense))
+    volume = bake(scene, "ambient_occlusion", opacity="linear")
+    with pytest.raises(InputError, match="all dark"):
+        field_error(scene, volume, voxels=400, samples=2048)
+    clean = field_error(scene, volume, voxels=400, samples=2048, clamped=False)
+    term = volume.radiance[0]
+    brighter = replace(term, weight=tuple(1.02 * each for each in term.weight))
+    planted = field_error(
+        scene, volume.with_radiance((brighter,)), voxels=400, samples=2048, clamped=False
+    )
+    assert clean.relative_rmse < 0.005
+    # Below zero 2 % more is darker. The field's own error, below 0.5 %, adds in squares.
+    assert planted.relative_rmse == pytest.approx(0.02, abs=4 * planted.noise + 6e-4)
+    assert planted.bias == pytest.approx(-0.02, abs=4 * planted.bias_noise)

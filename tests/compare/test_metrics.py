@@ -191,6 +191,27 @@ def test_sampled_figures_cover_the_population() -> None:
         assert 0.85 < np.std(score) < 1.15
 
 
+def test_points_that_count_often_bring_their_noise_once() -> None:
+    # Candidates are drawn evenly, and counted in proportion to their weight, up to 30 times each.
+    random = np.random.default_rng(14)
+    truth = random.gamma(2.0, 0.5, (50_000, 1)) * np.array([1.0, 0.9, 0.8]) - 0.5
+    weight = random.gamma(0.5, 1.0, (len(truth), 1))
+    baked = truth + 0.03 + random.normal(0, 0.05, truth.shape)
+    true_rmse = math.sqrt(np.sum(weight * (baked - truth) ** 2) / np.sum(weight * truth**2))
+    scores = []
+    for _ in range(300):
+        candidates = random.integers(0, len(truth), 800)
+        share = weight[candidates, 0] / weight[candidates].sum()
+        draws, counts = np.unique(random.choice(candidates, 4000, p=share), return_counts=True)
+        assert (counts**2).sum() > 3 * counts.sum()
+        replicates = truth[draws] + random.normal(0, 0.1, (8, len(draws), 1))
+        judged = Image(replicates.mean(axis=0), replicates.var(axis=0, ddof=1) / 8, 7)
+        result = sampled_figure(Image.noiseless(baked[draws]), judged, counts)
+        scores.append((result.relative_rmse - true_rmse) / result.noise)
+    assert abs(np.mean(scores)) < 4 / math.sqrt(300)
+    assert 0.85 < np.std(scores) < 1.15
+
+
 def test_relative_noise_is_the_planted_level() -> None:
     random = np.random.default_rng(12)
     truth = np.ones(SHAPE)

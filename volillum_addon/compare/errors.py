@@ -116,18 +116,21 @@ def field_error(
     samples: int = 2048,
     seed: int = 0,
     control: Control | None = None,
+    clamped: bool = True,
 ) -> Figure:
     """Baked in-scattered radiance against the model's exact solution at visible voxels' centres.
 
-    `scene` is the scene that was baked; `samples` directions a voxel.
+    `scene` is the scene that was baked; `samples` directions a voxel. `clamped` False compares what
+    is there before negative radiance is cut to 0, which would hide errors.
     """
+    camera, given = scene.need_camera(), volume.parameters
     grid = volume.medium.sigma_t
-    index = visible_voxels(volume.medium, scene.need_camera(), voxels, seed)
-    unique, draws = np.unique(index, axis=0, return_inverse=True)
+    index = visible_voxels(volume.medium, camera, voxels, seed)
+    unique, counts = np.unique(index, axis=0, return_counts=True)
     points = grid.to_world(unique.astype(np.float64))
     truth = image_of(
-        exact(scene, volume.model, points, samples, seed, control, **volume.parameters)
+        exact(scene, volume.model, points, samples, seed, control, clamped=clamped, **given)
     )
-    seen = volume.in_scattered(view=scene.need_camera())
+    seen = volume.in_scattered(view=camera, clamped=clamped)
     baked = seen.values[tuple(unique.T)].astype(np.float64)
-    return sampled_figure(Image.noiseless(baked[draws]), truth.inside(draws))
+    return sampled_figure(Image.noiseless(baked), truth, counts)

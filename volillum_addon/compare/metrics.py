@@ -140,26 +140,29 @@ def figure(estimate: Image, truth: Image, mask: Mask) -> Figure:
     return _figure(q, math.sqrt(max(variance, 0.0)) / scale, bias, math.sqrt(bias_variance) / total)
 
 
-def sampled_figure(estimate: Image, truth: Image) -> Figure:
-    """The error at points [n, 3] that are themselves a random sample of a population.
+def sampled_figure(
+    estimate: Image, truth: Image, counts: NDArray[np.integer] | None = None
+) -> Figure:
+    """The error at points [n, 3] that are themselves a random sample of a population, each counted
+    `counts` [n] times (once).
 
     The noise is the spread of the points' own contributions, so it holds the choice of the points
-    as well as the variances.
+    as well as the variances: a point that counts twice brings the same noise twice, not two
+    independent ones. The bias is relative to the truth's magnitudes; the truth may be negative.
     """
     error = estimate.value - truth.value
-    squares = np.sum(error**2 - estimate.variance - truth.variance, axis=-1)
-    weights = np.sum(truth.value**2 - truth.variance, axis=-1)
+    times = np.ones(len(error)) if counts is None else np.asarray(counts, np.float64)
+    squares = times * np.sum(error**2 - estimate.variance - truth.variance, axis=-1)
+    weights = times * np.sum(truth.value**2 - truth.variance, axis=-1)
     count = len(squares)
-    if count < 2 or not (weights.sum() > 0 and truth.value.sum() > 0):
+    if count < 2 or not weights.sum() > 0:
         raise bad("the sampled points", f"{count}, or all dark", "at least 2 with some light")
     q = float(squares.sum() / weights.sum())
     spread = float(np.sqrt(np.sum((squares - q * weights) ** 2) * count / (count - 1)))
-    sums, totals = error.sum(axis=-1), truth.value.sum(axis=-1)
+    sums, totals = times * error.sum(axis=-1), times * np.abs(truth.value).sum(axis=-1)
     bias = float(sums.sum() / totals.sum())
     bias_spread = float(np.sqrt(np.sum((sums - bias * totals) ** 2) * count / (count - 1)))
-    return _figure(
-        q, spread / float(weights.sum()), bias, bias_spread / abs(float(totals.sum()))
-    )  # fmt: skip
+    return _figure(q, spread / float(weights.sum()), bias, bias_spread / float(totals.sum()))
 
 
 def best_exposure(estimate: Image, truth: Image, mask: Mask) -> Exposure:

@@ -57,6 +57,7 @@ def exact(
     seed: int = 0,
     control: Control | None = None,
     view: ArrayLike | None = None,
+    clamped: bool = True,
     **parameters: object,
 ) -> Estimate:
     """In-scattered radiance of the model's exact solution at world points [n, 3].
@@ -65,7 +66,8 @@ def exact(
     model's operator, marches rays exactly through the trilinear medium and randomises them.
 
     `view` are unit directions toward the eye, [3] or [n, 3], on which the value depends only where
-    the medium's g counts; None: toward the scene's camera.
+    the medium's g counts; None: toward the scene's camera. `clamped` False leaves negative values
+    negative where the model clamps them at 0.
 
     Raises InputError where a bounded amount of work cannot follow the light (white, very deep
     media).
@@ -93,7 +95,7 @@ def exact(
             directions=samples,
             replicates=REPLICATES,
             seed=seed,
-            clamp=operator.clamped,
+            clamp=operator.clamped and clamped,
             control=control.native if control else None,
         )
     )

@@ -96,22 +96,27 @@ class IlluminationVolume:
         return any(term.angular is not None for term in self.radiance)
 
     def in_scattered(
-        self, lights: tuple[Light, ...] | None = None, view: View | None = None
+        self,
+        lights: tuple[Light, ...] | None = None,
+        view: View | None = None,
+        clamped: bool = True,
     ) -> Grid:
         """In-scattered radiance at the voxels, [i, j, k, 3].
 
         `lights` relights the channels first (models.illuminate.relight). `view` is a camera or an
         outward direction toward the eye; InputError where the radiance needs one and it is None.
+        `clamped` False leaves negative sums negative.
         """
         if lights is not None:
             from .illuminate import relight  # the registry's models import this file
 
-            return relight(self, lights).in_scattered(view=view)
+            return relight(self, lights).in_scattered(view=view, clamped=clamped)
         total = np.zeros((*self.medium.sigma_t.shape, 3), np.float32)
         for angular in dict.fromkeys(term.angular for term in self.radiance):
             part = self._summed(angular)
             total += part if angular is None else part * self._seen(angular, view)
-        return self.medium.sigma_t.with_values(np.maximum(total, 0), "in_scattered")
+        shown = np.maximum(total, 0) if clamped else total
+        return self.medium.sigma_t.with_values(shown, "in_scattered")
 
     def mean_over_views(self) -> Grid:
         """In-scattered radiance averaged over all directions to the eye, [i, j, k, 3]: a phase
