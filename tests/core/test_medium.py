@@ -33,6 +33,18 @@ def test_a_varying_albedo_is_not_constant() -> None:
     assert Medium(sigma_t, grid(sigma_s)).constant_albedo is None
 
 
+def test_colour_of_extinction() -> None:
+    density = grid(np.random.default_rng(4).random((3, 4, 5)))
+    assert np.array_equal(Medium.from_density(density).extinction_colour, np.ones(3))
+    coloured = Medium.from_density(density, (1.0, 4.0, 0.0))
+    assert np.allclose(coloured.extinction_colour, (0.25, 1.0, 0.0), rtol=1e-6)
+    values = coloured.sigma_t.values.copy()
+    values[1, 2, 3, 0] *= 1.001
+    assert Medium(density.with_values(values), coloured.sigma_s).extinction_colour is None
+    empty = density.with_values(np.zeros((3, 4, 5, 3), np.float32))
+    assert np.array_equal(Medium(empty, empty).extinction_colour, np.ones(3))
+
+
 def test_trimming_keeps_matter_and_drops_equal_channels() -> None:
     values = np.zeros((9, 9, 9))
     values[4, 5, 6] = 2.0

@@ -100,6 +100,25 @@ class Medium:
             return np.asarray(np.broadcast_to(albedo, (3,)).copy())
         return None
 
+    @property
+    def extinction_colour(self) -> np.ndarray | None:
+        """RGB float64, 1 at its largest, when sigma_t is one field times this, otherwise None."""
+        if self.channels == 1:
+            return np.ones(3)
+        values = self.sigma_t.values
+        largest = values.max(axis=(0, 1, 2)).astype(np.float64)
+        strongest = int(largest.argmax())
+        if largest[strongest] == 0:
+            return np.ones(3)
+        shares = largest / largest[strongest]
+        field = values[..., strongest]
+        for channel in range(3):
+            share = np.float32(shares[channel])
+            error = np.abs(values[..., channel] - share * field)
+            if np.any(error > np.float32(ALBEDO_SLACK) * share * field + np.float32(1e-30)):
+                return None
+        return np.asarray(shares)
+
     def trimmed(self, margin: int) -> Medium:
         """The same medium with only what it needs: the box that holds matter, grown by `margin`
         voxels, and one channel where all three are equal.

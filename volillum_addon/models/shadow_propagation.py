@@ -133,17 +133,25 @@ def mean_hue(
         float(values["theta"]), int(values["directions"]), float(values["beta"])
     )
     radiance = unoccluded(sun, medium)
-    planes = native.mean_hue(
-        medium.sigma_t.planes(),
-        sources(medium, radiance),
+    lobe = (
         medium.sigma_t.index_to_world,
         np.ascontiguousarray(about(vectors, np.asarray(sun.direction))),
         weights.astype(np.float32),
         hue(radiance),
-        near_slices=int(values["near"]),
-        control=control.native,
     )
-    return channels_of(medium.sigma_t, planes, name)
+    near, token = int(values["near"]), control.native
+    extinction, albedo = medium.extinction_colour, medium.constant_albedo
+    if extinction is None or albedo is None or medium.emission is not None:
+        planes = medium.sigma_t.planes()
+        gathered = sources(medium, radiance)
+        swept = native.mean_hue(planes, gathered, *lobe, near_slices=near, control=token)
+    else:
+        # L = L_l (T + albedo (1 - T)): optical depth is all that a direction needs.
+        strongest = medium.sigma_t.planes()[int(extinction.argmax())]
+        swept = native.mean_hue_uniform(
+            strongest, *lobe, extinction, albedo * hue(radiance), near_slices=near, control=token
+        )
+    return channels_of(medium.sigma_t, swept, name)
 
 
 def sources(medium: Medium, radiance: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -4,6 +4,7 @@
 
 #include "volillum/control.h"
 #include "volillum/real.h"
+#include "volillum/sweep.h"
 
 namespace volillum {
 
@@ -30,5 +31,19 @@ struct RadianceSettings {
 // and the light's hue for gamma where the luminance of L is below 1e-6 of the light's.
 void mean_hue(const RadianceScene &scene, const Real *weights, const RadianceSettings &settings,
               Real *out);
+
+// A medium of one colour: its extinctions are `extinction` times the scene's sigma_t, and its
+// source function, what it gathers over its extinction, is the same everywhere.
+struct UniformColour {
+    Vec3d hue;              // as in RadianceScene
+    Vec3d extinction;       // not negative
+    Vec3d source_function;  // in units of the light's luminance
+};
+
+// The same mean of hues in such a medium. There optical depth is all that a direction needs:
+//     L_c = hue_c T_c + source_function_c (1 - T_c),    T_c = exp(-extinction_c od),
+// which the optical-depth sweep gives, many times as fast. Of the settings the quantity is ignored.
+void mean_hue_uniform(const SweepScene &scene, const UniformColour &colour, const Real *weights,
+                      const SweepSettings &settings, Real *out);
 
 }  // namespace volillum

@@ -17,10 +17,59 @@ using volillum::RadianceScene;
 using volillum::RadianceSettings;
 using volillum::Real;
 using volillum::require;
+using volillum::SweepScene;
+using volillum::SweepSettings;
+using volillum::UniformColour;
+using volillum::Vec3d;
 
 namespace {
 
 using Result = nb::ndarray<nb::numpy, Real, nb::ndim<4>>;
+
+// The last three sides of sigma_t.
+volillum::Index3 read_shape(const AnyArray &sigma_t) {
+    volillum::Index3 shape;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+        const std::size_t size = sigma_t.shape(sigma_t.ndim() - 3 + axis);
+        // Rows and columns of sheared lattices are counted in int.
+        if (size > INT_MAX / 8)
+            throw nb::value_error(("sigma_t has shape " + volillum::shape_text(sigma_t) +
+                                   "; expected sides below " + std::to_string(INT_MAX / 8))
+                                      .c_str());
+        shape[axis] = int(size);
+    }
+    return shape;
+}
+
+// index_to_world, directions and their number.
+template <class Scene>
+void read_directions(const AnyArray &index_to_world, const AnyArray &directions, Scene &scene) {
+    scene.index_to_world = require<double>(index_to_world, "index_to_world", "[4, 4]", {4, 4});
+    scene.directions = require<double>(directions, "directions", "[d, 3] with d >= 1", {-1, 3});
+    if (directions.shape(0) > 1000000)
+        throw nb::value_error("directions holds more than 1000000 directions");
+    scene.count = int(directions.shape(0));
+}
+
+Vec3d read_rgb(const AnyArray &array, const char *name) {
+    const double *rgb = require<double>(array, name, "[3]", {3});
+    return {rgb[0], rgb[1], rgb[2]};
+}
+
+// What `fill` writes to [3, shape], computed without the interpreter's lock.
+template <class Fill>
+Result three_channels(const volillum::Index3 &shape, Fill &&fill) {
+    const std::size_t size[3] = {std::size_t(shape[0]), std::size_t(shape[1]),
+                                 std::size_t(shape[2])};
+    auto data = std::make_unique_for_overwrite<Real[]>(3 * size[0] * size[1] * size[2]);
+    {
+        const nb::gil_scoped_release release;
+        fill(data.get());
+    }
+    Real *values = data.release();
+    const nb::capsule owner(values, [](void *p) noexcept { delete[] static_cast<Real *>(p); });
+    return Result(values, {3, size[0], size[1], size[2]}, owner);
+}
 
 Result mean_hue(const AnyArray &sigma_t, const AnyArray &source, const AnyArray &index_to_world,
                 const AnyArray &directions, const AnyArray &weights, const AnyArray &hue,
@@ -32,38 +81,37 @@ Result mean_hue(const AnyArray &sigma_t, const AnyArray &source, const AnyArray 
                                "; expected 1 or 3 channels [c, nx, ny, nz]")
                                   .c_str());
     scene.extinction_channels = int(sigma_t.shape(0));
-    std::int64_t size[3];
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-        size[axis] = std::int64_t(sigma_t.shape(axis + 1));
-        // Rows and columns of sheared lattices are counted in int.
-        if (size[axis] > INT_MAX / 8)
-            throw nb::value_error(("sigma_t has shape " + volillum::shape_text(sigma_t) +
-                                   "; expected sides below " + std::to_string(INT_MAX / 8))
-                                      .c_str());
-        scene.shape[axis] = int(size[axis]);
-    }
+    scene.shape = read_shape(sigma_t);
     scene.source = require<Real>(source, "source", "[3, nx, ny, nz], sigma_t's lattice",
-                                 {3, size[0], size[1], size[2]});
-    scene.index_to_world = require<double>(index_to_world, "index_to_world", "[4, 4]", {4, 4});
-    scene.directions = require<double>(directions, "directions", "[d, 3] with d >= 1", {-1, 3});
-    if (directions.shape(0) > 1000000)
-        throw nb::value_error("directions holds more than 1000000 directions");
-    scene.count = int(directions.shape(0));
+                                 {3, scene.shape[0], scene.shape[1], scene.shape[2]});
+    read_directions(index_to_world, directions, scene);
     const Real *weight =
         require<Real>(weights, "weights", "[d], one for each direction", {scene.count});
-    const double *rgb = require<double>(hue, "hue", "[3]", {3});
-    scene.hue = {rgb[0], rgb[1], rgb[2]};
+    scene.hue = read_rgb(hue, "hue");
     const RadianceSettings settings{near_slices, threads, control};
-    auto data = std::make_unique_for_overwrite<Real[]>(3 * std::size_t(size[0]) *
-                                                       std::size_t(size[1]) * std::size_t(size[2]));
-    {
-        const nb::gil_scoped_release release;
-        volillum::mean_hue(scene, weight, settings, data.get());
-    }
-    Real *values = data.release();
-    const nb::capsule owner(values, [](void *p) noexcept { delete[] static_cast<Real *>(p); });
-    return Result(values, {3, std::size_t(size[0]), std::size_t(size[1]), std::size_t(size[2])},
-                  owner);
+    return three_channels(scene.shape,
+                          [&](Real *out) { volillum::mean_hue(scene, weight, settings, out); });
+}
+
+Result mean_hue_uniform(const AnyArray &sigma_t, const AnyArray &index_to_world,
+                        const AnyArray &directions, const AnyArray &weights, const AnyArray &hue,
+                        const AnyArray &extinction, const AnyArray &source_function,
+                        int near_slices, int threads, Control *control) {
+    SweepScene scene;
+    scene.sigma_t = require<Real>(sigma_t, "sigma_t", "[nx, ny, nz]", {-1, -1, -1});
+    scene.shape = read_shape(sigma_t);
+    read_directions(index_to_world, directions, scene);
+    const Real *weight =
+        require<Real>(weights, "weights", "[d], one for each direction", {scene.count});
+    const UniformColour colour{read_rgb(hue, "hue"), read_rgb(extinction, "extinction"),
+                               read_rgb(source_function, "source_function")};
+    SweepSettings settings;
+    settings.near_slices = near_slices;
+    settings.threads = threads;
+    settings.control = control;
+    return three_channels(scene.shape, [&](Real *out) {
+        volillum::mean_hue_uniform(scene, colour, weight, settings, out);
+    });
 }
 
 constexpr const char *mean_hue_doc =
@@ -90,10 +138,26 @@ Returns float32 [3, nx, ny, nz].
 Raises ValueError for wrong shapes, a singular affine, directions that are not of unit length
 to 1e-6, or settings out of range; TypeError for wrong types.)";
 
+constexpr const char *mean_hue_uniform_doc =
+    R"(mean_hue in a medium of one colour, many times as fast: only optical depth is swept.
+
+Its extinctions are `extinction` times sigma_t and its source function source_c / extinction_c is
+the same everywhere, so L_c = hue_c T_c + source_function_c (1 - T_c) with T_c = exp(-extinction_c
+od), od as in sweep. Through the first `near_slices` slices od is exact.
+
+sigma_t: float32 [nx, ny, nz], C-contiguous, finite, not negative.
+extinction: float64 [3], not negative.
+source_function: float64 [3], not negative, in units of the light's luminance.
+The other arguments, result and errors as in mean_hue.)";
+
 }  // namespace
 
 void bind_radiance_sweep(nb::module_ &module) {
     module.def("mean_hue", &mean_hue, "sigma_t"_a, "source"_a, "index_to_world"_a, "directions"_a,
                "weights"_a, "hue"_a, nb::kw_only(), "near_slices"_a = 4, "threads"_a = 0,
                "control"_a = nb::none(), mean_hue_doc);
+    module.def("mean_hue_uniform", &mean_hue_uniform, "sigma_t"_a, "index_to_world"_a,
+               "directions"_a, "weights"_a, "hue"_a, "extinction"_a, "source_function"_a,
+               nb::kw_only(), "near_slices"_a = 4, "threads"_a = 0, "control"_a = nb::none(),
+               mean_hue_uniform_doc);
 }

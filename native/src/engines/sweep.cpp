@@ -290,18 +290,24 @@ private:
 };
 
 }  // namespace
+
+void sweep_with(const SweepScene &scene, const Weights &weights, const SweepSettings &settings,
+                Real *out) {
+    Run(scene, settings, weights, out).all_passes();
+}
+
 }  // namespace sweep_detail
 
 void sweep(const SweepScene &scene, const Real *weights, int channels,
            const SweepSettings &settings, Real *out) {
-    const sweep_detail::ConstantWeights constant(weights, channels);
-    sweep_detail::Run(scene, settings, constant, out).all_passes();
+    sweep_detail::sweep_with(scene, sweep_detail::ConstantWeights(weights, channels), settings,
+                             out);
 }
 
 void sweep_weighted(const SweepScene &scene, const Real *weights, int spacing,
                     const SweepSettings &settings, Real *out) {
-    const sweep_detail::LatticeWeights lattice(weights, scene.shape, spacing);
-    sweep_detail::Run(scene, settings, lattice, out).all_passes();
+    sweep_detail::sweep_with(scene, sweep_detail::LatticeWeights(weights, scene.shape, spacing),
+                             settings, out);
 }
 
 }  // namespace volillum

@@ -57,4 +57,8 @@ private:
     std::ptrdiff_t strides_[3], direction_stride_;
 };
 
+// The sweep with any weights: out is [weights.channels(), n0, n1, n2].
+void sweep_with(const SweepScene &scene, const Weights &weights, const SweepSettings &settings,
+                Real *out);
+
 }  // namespace volillum::sweep_detail
