@@ -96,6 +96,13 @@ FAULTS = (
         ),
     ),
     Fault(
+        "products of neighbouring bins added in place of taken away",
+        "volillum_addon/models/histogram.py",
+        "np.maximum(glow - _dot(both, self.products)",
+        "np.maximum(glow + _dot(both, self.products)",
+        ("tests/models/test_histogram.py::test_dot_products_are_full_bakes",),
+    ),
+    Fault(
         "1 % of green in the luminance of shadow propagation",
         "volillum_addon/core/colour.py",
         "0.7152",
