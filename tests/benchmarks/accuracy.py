@@ -23,6 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import volumes
 
 from volillum_addon.compare.errors import field_error
+from volillum_addon.compare.measure import affordable
 from volillum_addon.compare.metrics import Figure
 from volillum_addon.core.errors import InputError
 from volillum_addon.models.illuminate import illuminate
@@ -53,7 +54,8 @@ def measured(
         begin = time.perf_counter()
         volume = illuminate(scene, model.id, given)
         seconds = time.perf_counter() - begin
-        return field_error(scene, volume, voxels, samples, clamped=clamped), seconds
+        each = affordable(model.operator_in(scene, model.values(given)), samples)
+        return field_error(scene, volume, voxels, each, clamped=clamped), seconds
     except InputError as error:
         return str(error)
 
@@ -75,7 +77,12 @@ def row(*cells: str) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description="Numerical error of every model.")
     parser.add_argument("--voxels", type=int, default=4000)
-    parser.add_argument("--samples", type=int, default=2048, help="of the judge, per voxel")
+    parser.add_argument(
+        "--samples",
+        type=int,
+        default=2048,
+        help="rays of the judge, per voxel (harder equations: what takes as long)",
+    )
     parser.add_argument("--models", default=",".join(MODELS))
     parser.add_argument("--volumes", default=",".join(volumes.MEDIA))
     parser.add_argument("--no-ladder", action="store_true", help="only the default settings")
