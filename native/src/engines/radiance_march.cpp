@@ -41,31 +41,42 @@ VOLILLUM_INLINE Shares shares(Real near, Real far, Real length) {
     return {exp_negative(depth), length * (all - beyond), length * beyond};
 }
 
-template <int Extinctions>
-VOLILLUM_INLINE void step_channels(const Step &rays, Real *radiance) {
+// One extinction for three colours: the shares of a vector of rays first, in arrays of their own.
+// Next to three stores to the radiance, which may overlap for all that is known of their distance,
+// they would not be vector code.
+VOLILLUM_DISPATCH void step_grey(const Step &rays, Real *radiance) {
+    const Step r = rays;  // a copy: stores to `radiance` do not change it
+    alignas(64) Real through[kLanes], near[kLanes], far[kLanes];
+    for (int c = 0; c < r.columns; c += kLanes) {
+        for (int i = 0; i < kLanes; ++i) {
+            const Shares share = shares(r.near[c + i], r.far[c + i], r.length);
+            through[i] = share.radiance;
+            near[i] = share.near;
+            far[i] = share.far;
+        }
+        for (int colour = 0; colour < 3; ++colour) {
+            const std::ptrdiff_t source = (1 + colour) * r.stride + c;
+            LoosePack &light = pack(radiance + colour * r.stride + c);
+            light = light * pack(through) + pack(near) * pack(r.near + source) +
+                    pack(far) * pack(r.far + source);
+        }
+    }
+}
+
+VOLILLUM_DISPATCH void step_colour(const Step &rays, Real *radiance) {
     const std::ptrdiff_t stride = rays.stride;
     const Real *__restrict near = rays.near;
     const Real *__restrict far = rays.far;
     Real *__restrict light = radiance;
     const Real length = rays.length;
     const int columns = round_up(rays.columns);
-    for (int k = 0; k < Extinctions; ++k)
+    for (int k = 0; k < 3; ++k)
         for (int c = 0; c < columns; ++c) {
-            const Shares share = shares(near[k * stride + c], far[k * stride + c], length);
-            for (int colour = Extinctions == 1 ? 0 : k; colour < (Extinctions == 1 ? 3 : k + 1);
-                 ++colour) {
-                const std::ptrdiff_t source = (Extinctions + colour) * stride + c;
-                light[colour * stride + c] = light[colour * stride + c] * share.radiance +
-                                             share.near * near[source] + share.far * far[source];
-            }
+            const std::ptrdiff_t here = k * stride + c, source = here + 3 * stride;
+            const Shares share = shares(near[here], far[here], length);
+            light[here] =
+                light[here] * share.radiance + share.near * near[source] + share.far * far[source];
         }
-}
-
-VOLILLUM_DISPATCH void step_grey(const Step &rays, Real *radiance) {
-    step_channels<1>(rays, radiance);
-}
-VOLILLUM_DISPATCH void step_colour(const Step &rays, Real *radiance) {
-    step_channels<3>(rays, radiance);
 }
 
 }  // namespace
