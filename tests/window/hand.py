@@ -22,6 +22,8 @@ CATEGORY = "Volillum"
 STEP = 12
 ROW = 23
 FIRST_ITEM = 52
+# From a panel's lowest button to the title of the next one.
+TITLE = 28
 # How long Blender may take to notice where the mouse is.
 NOTICE_SECONDS, NOTICE_LOOPS, MOTION_SECONDS = 0.02, 3, 0.03
 
@@ -153,6 +155,24 @@ def choose(wanted: str, index: int) -> Steps:
     yield from click(x, y - ROW // 2)
     yield 0.5
     yield from click(x, y - ROW // 2 - FIRST_ITEM - ROW * index)
+    yield 0.5
+
+
+def open_next_panel(last: str) -> Steps:
+    """Click on the title below `last`, the lowest button of a panel."""
+    x, y = yield from find(last)
+    while last in under_mouse():
+        y -= 2
+        yield from point(x, y)
+    yield from click(x, y - TITLE)
+    yield 0.5
+
+
+def scroll(notches: int) -> Steps:
+    """Down the sidebar, with the wheel."""
+    sidebar = region("UI")
+    yield from point(sidebar.x + sidebar.width // 2, sidebar.y + sidebar.height // 2)
+    _display("xdotool", "click", "--repeat", notches, "--delay", 60, 5)
     yield 0.5
 
 

@@ -2,12 +2,25 @@
 
 import math
 import shutil
+import sys
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import bpy
-from hand import Steps, choose, into_view, key, open_sidebar, picture, press, type_into, view
+from hand import (
+    Steps,
+    choose,
+    into_view,
+    key,
+    open_next_panel,
+    open_sidebar,
+    picture,
+    press,
+    scroll,
+    type_into,
+    view,
+)
 
 PACKAGE = "bl_ext.user_default.volillum.volillum_addon"
 SCENE = "/volillum/smoke.blend"
@@ -38,6 +51,12 @@ def volumes() -> dict[str, bool]:
     """The volume objects, and whether they are shown."""
     found = [each for each in scene().objects if each.type == "VOLUME"]
     return {each.name: not each.hide_viewport for each in found}
+
+
+def shown_differs() -> str:
+    """What the panel says of a bake that is shown but no longer as it would be."""
+    said = package("blender.staleness").shown_differs
+    return str(said(scene(), package("blender.work").chosen_volume(scene())))
 
 
 def simple_view() -> None:
@@ -106,3 +125,85 @@ def baking() -> Steps:
     picture("panel_shown")
     yield from press("volillum.show(baked=False)")
     assert volumes() == {"smoke": True}
+
+
+def undo_and_reload() -> Steps:
+    """Show, undo, redo; another model; save with Ctrl+S and open the file again."""
+    yield from open_scene("undo")
+    yield from choose_model(MODEL)
+    yield from type_into(f"{MODEL}.directions", "8")
+    yield from bake_and_wait(1)
+    first = settings().baked.path
+    yield from press("volillum.show(baked=True)")
+    yield lambda: len(volumes()) == 2
+    yield from into_view()
+    key("ctrl+z")
+    yield lambda: volumes() == {"smoke": True}
+    # The bake is a step before: it is still there, and can be shown again.
+    assert settings().baked.path == first
+    assert settings().baked.shown is None
+    key("ctrl+shift+z")
+    yield lambda: list(volumes().values()) == [False, True]
+    assert settings().baked.shown.data.filepath == first
+    yield from choose_model("spherical_harmonics")
+    yield from type_into("spherical_harmonics.directions", "8")
+    yield from bake_and_wait(2)
+    yield 0.3
+    picture("panel_older_shown")
+    yield from press("volillum.show(baked=True)")
+    assert settings().baked.shown.data.filepath == settings().baked.path != first
+    assert len(volumes()) == 2  # the first one's is gone
+    next(each for each in scene().objects if each.type == "LIGHT").data.energy *= 0.5
+    yield 0.5
+    assert shown_differs().startswith("The lights have changed")
+    picture("panel_relight")
+    yield from into_view()
+    key("ctrl+s")
+    yield lambda: not bpy.data.is_dirty
+    bpy.ops.wm.open_mainfile(filepath=bpy.data.filepath)
+    simple_view()
+    yield 0.5
+    yield from open_sidebar()
+    assert settings().model == settings().baked.model == "spherical_harmonics"
+    assert settings().baked.shown.name in volumes()
+    assert shown_differs().startswith("The lights have changed")
+    yield from press("volillum.show(baked=True)")
+    assert shown_differs() == ""
+    picture("panel_reloaded")
+
+
+def comparing() -> Steps:
+    """Compare, cancel, compare again: its figures are in the panel, the file is as it was."""
+    yield from open_scene("comparing")
+    child = package("blender.child")
+    command, folder = child.command, Path(child.__file__).parents[2]
+
+    def other_blender(arguments: list[str]) -> tuple[list[str], dict[str, str]]:
+        # Debian's Cycles renders no volumes; the tests' own Blender, a module, does.
+        environment = command(arguments)[1] | {"PYTHONPATH": str(folder)}
+        return [sys.argv[-1], "-P", "-m", "volillum_addon", *arguments], environment
+
+    child.command = other_blender
+    yield from choose_model(MODEL)
+    chosen = settings()
+    chosen.width, chosen.noise, chosen.budget, chosen.compare_all = 16, 100, 1, False
+    getattr(chosen, MODEL).directions = 8
+    yield from open_next_panel("volillum.as_radiance")
+    yield from press("volillum.compare(")
+    yield lambda: running() is not None and running().control.fraction > 0
+    yield 0.3
+    picture("panel_comparing")
+    yield from into_view()
+    key("Escape")
+    yield lambda: running() is None
+    assert len(settings().results) == 0
+    assert not list(Path(settings().directory).rglob("report.*"))
+    yield from press("volillum.compare(")
+    yield lambda: running() is None and len(settings().results) == 1
+    (result,) = settings().results
+    assert result.model == MODEL
+    assert result.error > 0, result.reason
+    assert Path(settings().report).is_file()
+    assert volumes() == {"smoke": True}
+    yield from scroll(6)
+    picture("panel_compared")

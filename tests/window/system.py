@@ -19,7 +19,7 @@ VARIABLE = "VOLILLUM_WINDOW_BLENDER"
 # Debian's is a rolling release; another version's interface is not what the extension is for yet.
 VERSION = "Blender 5.2"
 # A Blender that hangs is stopped after this.
-PATIENCE_SECONDS = 400
+PATIENCE_SECONDS = 900
 
 
 @dataclass(frozen=True)

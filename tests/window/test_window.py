@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import json
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
 from window.system import System
 
 
-@pytest.mark.parametrize("scenario", ["baking"])
+@pytest.mark.parametrize("scenario", ["baking", "comparing", "undo_and_reload"])
 def test_by_hand(system: System, pictures: Path, scenario: str) -> None:
-    done = system.window("--python", "/volillum/tests/session.py", "--", scenario)
+    done = system.window("--python", "/volillum/tests/session.py", "--", scenario, sys.executable)
     for picture in system.work.glob("*.png"):
         shutil.move(picture, pictures / picture.name)
     result = system.work / f"{scenario}.json"
