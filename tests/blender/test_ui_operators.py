@@ -8,6 +8,7 @@ import pytest
 
 from volillum_addon.bake.vdb import read_metadata
 from volillum_addon.blender import staleness, work
+from volillum_addon.blender.properties import model_values
 from volillum_addon.models.registry import MODELS
 
 # The most directions a test needs; the models' accuracy is tested elsewhere.
@@ -51,7 +52,11 @@ def test_bake_writes_the_file_and_says_so(scene: bpy.types.Scene, model: str) ->
     baked = scene.volillum.baked
     metadata = read_metadata(baked.path)
     assert metadata["model"] == baked.model == model
-    assert metadata["parameters"]["directions"] == FEW
+    settings = model_values(scene.volillum, model)
+    assert {name: str(value) for name, value in metadata["parameters"].items()} == {
+        name: str(value) for name, value in settings.items()
+    }
+    assert settings.get("directions", FEW) == FEW
     assert not baked.found
     assert baked.seconds > 0
     assert changes(scene) == ()
