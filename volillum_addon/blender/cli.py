@@ -107,7 +107,7 @@ def _add_compare(command: argparse.ArgumentParser) -> None:
 
 def _add_demo(command: argparse.ArgumentParser) -> None:
     _add_output(command)
-    _add_thoroughness(command, samples=32, noise=2.0, seconds=60.0, width=72)
+    _add_thoroughness(command, samples=32, noise=2.0, seconds=45.0, width=72)
     command.set_defaults(run=_demo)
 
 
