@@ -31,7 +31,7 @@ CHILD = f"{PACKAGE.name}.bake.cold_child"
 STOP_SECONDS = 10.0
 
 # A bake of this many seconds has its start-up and the noise of the machine averaged out.
-ENOUGH_SECONDS = 8.0
+ENOUGH_SECONDS = 5.0
 
 
 @dataclass(frozen=True)

@@ -101,13 +101,13 @@ def _add_bake(command: argparse.ArgumentParser) -> None:
 def _add_compare(command: argparse.ArgumentParser) -> None:
     _add_scene_file(command)
     command.add_argument("--models", type=_ids, default=(), metavar="ID,ID", help="default: all")
-    _add_thoroughness(command, samples=64, noise=1.0, seconds=120.0, width=None)
+    _add_thoroughness(command, samples=64, noise=1.0, seconds=120.0, rays=32, width=None)
     command.set_defaults(run=_compare)
 
 
 def _add_demo(command: argparse.ArgumentParser) -> None:
     _add_output(command)
-    _add_thoroughness(command, samples=32, noise=2.0, seconds=45.0, width=72)
+    _add_thoroughness(command, samples=32, noise=2.0, seconds=45.0, rays=16, width=72)
     command.set_defaults(run=_demo)
 
 
@@ -134,12 +134,18 @@ def _add_output(command: argparse.ArgumentParser) -> None:
 
 
 def _add_thoroughness(
-    command: argparse.ArgumentParser, samples: int, noise: float, seconds: float, width: int | None
+    command: argparse.ArgumentParser,
+    samples: int,
+    noise: float,
+    seconds: float,
+    rays: int,
+    width: int | None,
 ) -> None:
     for name, kind, default, metavar, text in (
         ("--samples", _whole, samples, "N", "samples per pixel and seed of a reference"),
         ("--noise", _positive, noise, "PERCENT", "render references until below this noise"),
         ("--seconds", _positive, seconds, "BUDGET", "or until this time has gone"),
+        ("--rays", _whole, rays, "N", "rays per point of the models' exact images"),
         ("--width", _whole, width, "N", "pixels across"),
     ):
         shown = "as the scene renders" if default is None else f"{default:g}"

@@ -32,6 +32,7 @@ class Thoroughness:
     samples: int
     noise: float
     seconds: float
+    rays: int
     width: int | None
     published: bool = False
 
@@ -42,6 +43,7 @@ class Thoroughness:
             options.samples,
             options.noise / 100,
             options.seconds,
+            options.rays,
             options.width,
             options.published,
         )
@@ -93,6 +95,7 @@ def compare(
             samples=thoroughness.samples,
             noise=thoroughness.noise,
             seconds=thoroughness.seconds,
+            directions=thoroughness.rays,
             published=thoroughness.published,
         )
         chosen = work.chosen_models(scene, models)
