@@ -15,6 +15,7 @@ from volillum_addon.core.medium import Medium
 from volillum_addon.core.native import native
 from volillum_addon.core.scene import Scene
 from volillum_addon.models.illuminate import illuminate
+from volillum_addon.models.model import Model
 from volillum_addon.models.registry import models
 from volillum_addon.models.volume import IlluminationVolume
 
@@ -162,7 +163,9 @@ def test_all_threads_give_the_same_bits() -> None:
     [model for model in models() if any(p.name == "algorithm" for p in model.parameters)],
     ids=lambda model: model.id,
 )
-def test_every_published_variant_is_bounded_and_is_not_the_equation(model) -> None:  # type: ignore[no-untyped-def] # noqa: ANN001
+def test_every_published_variant_is_bounded_and_is_not_the_equation(
+    model: Model,
+) -> None:
     medium = Medium.from_density(smooth_random((20, 18, 22), 5, depth=3.0).sigma_t, 1.0, 0.8)
     scene = Scene(medium, (DistantLight((0.3, -0.5, 0.8), 1.0),), Camera((2, -6, 3), (0.5,) * 3))
 
