@@ -263,7 +263,7 @@ def test_lights_add_up(model: Model) -> None:
         for volumes in ((first, second), (both,))
     )
     sigma2 = np.mean([np.mean(np.square(noise(each))) for each in (first, second, both)])
-    # Three independent bakes: their variances add; twice that is beyond chance for this many voxels.
+    # Three independent bakes: their variances add; twice that is beyond chance here.
     assert np.mean((parts - whole) ** 2) <= ROUNDING**2 * np.mean(whole**2) + 6 * sigma2
 
 
