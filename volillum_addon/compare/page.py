@@ -80,7 +80,9 @@ def _lead(comparison: Comparison) -> str:
 
 
 def _caption(comparison: Comparison) -> str:
-    count = len(comparison.measured[0][1].seconds.bake.seconds)
+    counts = sorted({len(found.seconds.bake.seconds) for _, found in comparison.measured})
+    # Slow bakes are repeated less (bake/cold.py).
+    count = f"{counts[0]} to {counts[-1]}" if len(counts) > 1 else f"{counts[0]}"
     return (
         f"Bake and write: medians of {count} cold processes with an empty cache. Errors: relative "
         "RMS inside the silhouette ± standard error; memory: peak of the process. "
