@@ -37,6 +37,8 @@ _PUBLIC = {
     "read_vdb": (".bake.vdb", "read_vdb"),
     "write_vdb": (".bake.vdb", "write_vdb"),
     "read_grid": (".bake.vdb", "read_grid"),
+    "read_volume": (".readers.formats", "read_volume"),
+    "import_volume": (".readers.formats", "import_volume"),
 }
 __all__ = list(_PUBLIC)
 __version__ = "0.1.0"

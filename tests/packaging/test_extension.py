@@ -62,6 +62,7 @@ def test_the_wheels_are_what_blender_lacks(archive: Path) -> None:
         "matplotlib",
         *("contourpy", "cycler", "fonttools", "kiwisolver", "packaging", "pillow", "pyparsing"),
         *("python_dateutil", "tzdata"),
+        *("nibabel", "pydicom", "pynrrd", "tifffile"),
     }
 
 

@@ -1,4 +1,4 @@
-"""The tree and the arrow of imports: core <- models <- bake <- compare <- blender."""
+"""The tree and the arrow of imports: core <- models <- bake <- readers <- compare <- blender."""
 
 import ast
 import os
@@ -9,7 +9,7 @@ from pathlib import Path, PurePosixPath
 import pytest
 from project_files import ROOT, tracked_files
 
-LAYERS = ("core", "models", "bake", "compare", "blender")
+LAYERS = ("core", "models", "bake", "readers", "compare", "blender")
 # Whoever imports one of these needs Blender running; openvdb lies in its package but does without.
 BLENDER_MODULES = {"addon_utils", "bl_ui", "blf", "bpy", "bpy_extras", "gpu", "mathutils"}
 # A process elsewhere that imports what this one does.
@@ -22,13 +22,13 @@ TREE = {
             Makefile README.md LICENSE CHANGELOG.md SOURCES.md
             volillum_addon/ native/ presets/ tests/ docs/ tools/""",
     "volillum_addon": """__init__.py __main__.py py.typed resources.py
-                         core/ models/ bake/ compare/ blender/""",
+                         core/ models/ bake/ readers/ compare/ blender/""",
     "native": """.clang-format CMakeLists.txt pyproject.toml wheel_version.py
                  include/ src/ third_party/""",
     "native/include": "volillum/",
     "native/src": "module.cpp bindings/ engines/ exact/ models/",
     "tests": """*.py benchmarks/ bake/ blender/ compare/ core/ hard_cases/ models/ native/
-                mutations/ packaging/ plugins/ window/""",
+                mutations/ packaging/ plugins/ readers/ window/""",
 }
 
 

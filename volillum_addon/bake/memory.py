@@ -9,6 +9,7 @@ if sys.platform != "win32":
     import resource
 
 STATUS = Path("/proc/self/status")
+SYSTEM = Path("/proc/meminfo")
 KILOBYTE = 1024
 
 
@@ -19,7 +20,7 @@ def peak_bytes() -> int:
     started it.
     """
     if STATUS.exists():
-        return _status("VmHWM")
+        return _field(STATUS, "VmHWM")
     if sys.platform == "win32":
         return 0
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -28,11 +29,17 @@ def peak_bytes() -> int:
 
 def resident_bytes() -> int:
     """Resident memory now, in bytes (elsewhere than on Linux: the peak so far)."""
-    return _status("VmRSS") if STATUS.exists() else peak_bytes()
+    return _field(STATUS, "VmRSS") if STATUS.exists() else peak_bytes()
 
 
-def _status(field: str) -> int:
-    for line in STATUS.read_text().splitlines():
+def available_bytes() -> int:
+    """Memory that could still be used without swapping, in bytes; 0 where the system does not
+    tell."""
+    return _field(SYSTEM, "MemAvailable") if SYSTEM.exists() else 0
+
+
+def _field(file: Path, field: str) -> int:
+    for line in file.read_text().splitlines():
         if line.startswith(field + ":"):
             return int(line.split()[1]) * KILOBYTE
     return 0

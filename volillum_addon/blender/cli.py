@@ -15,7 +15,7 @@ from pathlib import Path
 from .. import __version__
 from ..core.control import Cancelled
 from ..models.registry import MODELS
-from . import scene_presets
+from . import import_command, scene_presets
 from .describe import as_json, as_markdown, as_text
 from .failures import EXPECTED, one_line
 
@@ -55,6 +55,7 @@ def parser() -> argparse.ArgumentParser:
     result.add_argument("--version", action="version", version=f"volillum {__version__}")
     commands = result.add_subparsers(title="commands", metavar="COMMAND", required=True)
     _add_models(commands.add_parser("models", help="list the models and their parameters"))
+    import_command.add(commands.add_parser("import", help="turn a volume of any format into a VDB"))
     _add_scene(commands.add_parser("scene", help="make a scene around a volume"))
     _add_bake(commands.add_parser("bake", help="bake one model's illumination into a VDB file"))
     _add_compare(commands.add_parser("compare", help="measure models against full scattering"))

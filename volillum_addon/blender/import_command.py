@@ -1,0 +1,89 @@
+"""`volillum import`: its arguments, and what it does. Needs no bpy."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from ..readers.formats import FORMATS, import_volume
+from ..readers.gather import MOST_LEVEL
+from ..readers.imported import About
+from ..readers.raw import BYTE_ORDERS, TYPES, from_json
+from ..readers.source import Options, RawLayout
+from .terminal import watched
+
+
+def add(command: argparse.ArgumentParser) -> None:
+    """What `volillum import` understands."""
+    command.description = "Reads " + ", ".join(each.label for each in FORMATS) + "."
+    command.add_argument("volume", type=Path, metavar="VOLUME", help="a file, or a series' folder")
+    command.add_argument("-o", "--output", type=Path, required=True, metavar="OUT.vdb")
+    add_reading(command)
+    command.set_defaults(run=_import)
+
+
+def add_reading(command: argparse.ArgumentParser) -> None:
+    """What is to be read of a file."""
+    command.add_argument(
+        "--level",
+        type=int,
+        choices=range(MOST_LEVEL + 1),
+        default=0,
+        metavar="N",
+        help="coarser by 2^N along each axis (default: 0)",
+    )
+    command.add_argument(
+        "--channel", type=int, metavar="N", help="which of several channels or time steps, from 0"
+    )
+    command.add_argument("--grid", metavar="NAME", help="which grid of a VDB, array of an .npz")
+    raw = command.add_argument_group("raw files (or a JSON file of the same name beside them)")
+    raw.add_argument("--dims", metavar="XxYxZ", help="voxels along x, y, z")
+    raw.add_argument("--type", choices=TYPES, metavar="TYPE", help="one of " + ", ".join(TYPES))
+    raw.add_argument("--byte-order", choices=tuple(BYTE_ORDERS), default="little")
+    raw.add_argument("--offset", type=int, default=0, metavar="BYTES", help="before the voxels")
+    raw.add_argument("--spacing", metavar="X,Y,Z", help="voxel sizes (default: 1,1,1)")
+
+
+def reading(options: argparse.Namespace) -> Options:
+    """The arguments as a reader wants them. Raises InputError."""
+    return Options(options.channel, options.grid, _layout(options))
+
+
+def _layout(options: argparse.Namespace) -> RawLayout | None:
+    if options.dims is None and options.type is None:
+        return None
+    entry: dict[str, object] = {"byte_order": options.byte_order, "offset": options.offset}
+    if options.dims is not None:
+        entry["dims"] = [_number(part) for part in options.dims.split("x")]
+    if options.type is not None:
+        entry["type"] = options.type
+    if options.spacing is not None:
+        entry["spacing"] = [_number(part) for part in options.spacing.split(",")]
+    return from_json(entry, Path("the command line"))
+
+
+def _number(text: str) -> float | int | str:
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            pass
+    return text
+
+
+def describe(about: About) -> str:
+    """An imported volume in one line."""
+    size = " x ".join(map(str, about.shape))
+    unit = f" {about.unit}" if about.unit else ""
+    return f"{about.format}, {size} of {about.stored}, {about.low:g} to {about.high:g}{unit}"
+
+
+def _import(options: argparse.Namespace) -> None:
+    with watched(f"importing {options.volume.name}") as control:
+        about = import_volume(
+            options.volume, options.output, options.level, reading(options), control
+        )
+    for line in (describe(about), *(f"note: {note}" for note in about.notes)):
+        print(line, file=sys.stderr)
+    print(options.output)

@@ -1,0 +1,111 @@
+"""An imported volume as a VDB file: the values as the grid `density`, and what the source said of
+them as metadata `volillum_volume` (JSON), so that nothing but its bytes is lost.
+
+OpenVDB keeps no voxels of value 0 at the border of a volume: the shape in the metadata says how
+far it goes.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..bake import layout
+from ..bake.grids import check_readable, to_vdb, transform_of, values_of
+from ..bake.openvdb_module import openvdb
+from ..bake.store import complain, replacing
+from ..core.control import Control
+from ..core.errors import InputError, bad
+from ..core.grid import Grid
+from .source import library
+
+ENTRY = "volillum_volume"
+GRID = "density"
+FORMAT = 1
+
+
+@dataclass(frozen=True)
+class About:
+    """What is known of an imported volume: see `Source`. `low` and `high` are the least and the
+    greatest value of the grid, `stored` the type of the file's numbers, `level` the level of detail
+    that was read."""
+
+    source: str
+    format: str
+    shape: tuple[int, int, int]
+    stored: str
+    low: float
+    high: float
+    kind: str = ""
+    unit: str = ""
+    length_unit: str = ""
+    space: str = ""
+    level: int = 0
+    notes: tuple[str, ...] = ()
+
+
+def write_imported(grid: Grid, about: About, target: Path, control: Control | None = None) -> None:
+    """Write the volume, whole or not at all. Raises StorageError, Cancelled."""
+    entry = {"version": FORMAT, "index_to_world": grid.index_to_world.tolist(), **asdict(about)}
+    with replacing(target) as temporary:
+        try:
+            openvdb().write(str(temporary), [to_vdb(grid, GRID)],
+                            metadata={ENTRY: json.dumps(entry)})  # fmt: skip
+            layout.check_whole(temporary)
+        except (OSError, RuntimeError, InputError) as error:
+            raise complain(target.parent, temporary) from error
+        if control is not None:
+            control.check()
+
+
+def is_imported(path: Path) -> bool:
+    """Whether `write_imported` wrote this VDB file."""
+    return ENTRY in layout.metadata(path)
+
+
+def read_about(path: Path) -> About:
+    """What an imported file says of itself. Raises InputError for any other file."""
+    return _about(_entry(path), path)
+
+
+def read_imported(path: Path) -> tuple[Grid, About]:
+    """What `write_imported` wrote, bit for bit. Raises InputError for any other file."""
+    entry = _entry(path)
+    about = _about(entry, path)
+    layout.check_whole(path)
+    with library(path, "a whole VDB file"):
+        stored = openvdb().read(str(path), GRID)
+        check_readable(stored, f"grid {GRID!r} of {path}")
+        matrix = np.array(entry["index_to_world"], np.float64)
+        difference = np.linalg.solve(matrix, transform_of(stored, GRID)) - np.eye(4)
+        if np.abs(difference).max() > 1e-6:  # voxels
+            raise bad("its transform", "another", "its metadata's", str(path))
+        return Grid(values_of(stored, (0, 0, 0), about.shape), matrix, GRID), about
+
+
+def _entry(path: Path) -> Mapping[str, Any]:
+    found = layout.metadata(path)
+    if ENTRY not in found:
+        raise bad(str(path), "not an imported volume", "a VDB file of `volillum import`")
+    try:
+        entry: Mapping[str, Any] = json.loads(found[ENTRY].value)
+        version = entry["version"]
+    except (ValueError, KeyError, TypeError):
+        raise bad(f"{path}'s metadata", "not readable", "an entry of volillum's") from None
+    if version != FORMAT:
+        raise bad(f"{path}'s version", version, f"{FORMAT}: an import of this version")
+    return entry
+
+
+def _about(entry: Mapping[str, Any], path: Path) -> About:
+    try:
+        values = {each.name: entry[each.name] for each in fields(About)}
+        shape = tuple(int(n) for n in values["shape"])
+        return About(**{**values, "shape": shape, "notes": tuple(values["notes"])})
+    except (KeyError, TypeError, ValueError):
+        raise bad(f"{path}'s metadata", "incomplete", "an import of this version") from None

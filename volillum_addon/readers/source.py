@@ -1,0 +1,176 @@
+"""What a file holds, before its voxels are read."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..core.control import Cancelled
+from ..core.errors import InputError, bad
+
+# Numbers of any real type, [i, j, k].
+Slab = NDArray[np.generic]
+# Anatomical worlds and how each becomes the one used here: x to the patient's left, y to the back,
+# z to the head (DICOM's). In Blender's front view a patient then stands upright and faces us.
+TO_LPS = {"LPS": (1, 1, 1), "RAS": (-1, -1, 1), "LAS": (1, -1, 1)}
+# No stream of these formats unpacks to more than this times its length (deflate 1032, TIFF's LZW
+# 2730), give or take a short one: a header that claims more is lying.
+MOST_UNPACKED, SHORT_FILE = 3000, 1 << 16
+# Longest edge of a volume in voxels: more is a damaged header.
+LONGEST = 1 << 20
+
+
+@dataclass(frozen=True)
+class RawLayout:
+    """How the bytes of a file without a header are to be read; lengths in `length_unit`.
+
+    `direction`: the world directions of the axes i, j, k, one after another. `axes` names them from
+    the fastest to the slowest: "xyz" as in most files, "zyx" for C-ordered [x, y, z] arrays.
+    """
+
+    shape: tuple[int, int, int]
+    dtype: np.dtype[np.generic]
+    offset: int = 0
+    spacing: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    direction: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+    axes: str = "xyz"
+    slope: float = 1.0
+    intercept: float = 0.0
+    unit: str = ""
+    length_unit: str = ""
+    kind: str = ""
+
+
+@dataclass(frozen=True)
+class Options:
+    """What of a file is wanted: a channel (or time step) of several, a grid of a VDB file, and the
+    layout of a file that does not tell its own."""
+
+    channel: int | None = None
+    grid: str | None = None
+    raw: RawLayout | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """A volume of `shape` voxels and what its file says of it.
+
+    `slabs(depth)` yields its voxels in order of k, each at most `depth` layers thick, as numbers
+    of the data's own unit. `kind` is what made it ("ct", "mr", "microscopy", "simulation",
+    "cloud"), `unit` that of the values, `length_unit` that of `index_to_world`; empty where the
+    file does not say. `space` is "LPS" where the world is a patient's.
+    """
+
+    path: Path
+    format: str
+    shape: tuple[int, int, int]
+    index_to_world: NDArray[np.float64]
+    dtype: np.dtype[np.generic]
+    slabs: Callable[[int], Iterator[Slab]]
+    kind: str = ""
+    unit: str = ""
+    length_unit: str = ""
+    space: str = ""
+    notes: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        check_shape(self.shape, self.path)
+        check_number_type(self.dtype, self.path)
+        if not np.all(np.isfinite(self.index_to_world)):
+            raise bad("the position of its voxels", "not finite", "numbers", str(self.path))
+
+
+@contextmanager
+def library(path: Path, expected: str) -> Iterator[None]:
+    """Word whatever a library raises on a damaged file, and keep its warnings to itself."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    except (InputError, Cancelled, MemoryError):
+        raise
+    except Exception as error:
+        raise unreadable(path, error, expected) from error
+
+
+def unreadable(path: Path, error: BaseException, expected: str) -> InputError:
+    """`path` cannot be read (why); expected ..."""
+    reason = getattr(error, "strerror", None) or " ".join(str(error).split())
+    return InputError(
+        f"{path} cannot be read ({reason[:200] or type(error).__name__}); expected {expected}"
+    )
+
+
+def check_shape(shape: Sequence[int], path: Path) -> None:
+    """Raise an InputError unless these are three sizes of a volume."""
+    if len(shape) != 3 or not all(1 <= n <= LONGEST for n in shape):
+        found = " x ".join(map(str, shape))
+        raise bad("the volume's size", found, f"three of 1 to {LONGEST} voxels", str(path))
+
+
+def check_number_type(dtype: np.dtype[np.generic], path: Path) -> None:
+    """Raise an InputError unless voxels are real numbers."""
+    if dtype.kind not in "iufb":
+        raise bad("the type of its voxels", str(dtype), "integers or floats", str(path))
+
+
+def check_unpacked(path: Path, claimed: int, packed: int) -> None:
+    """Raise an InputError when `packed` bytes cannot unpack to `claimed` ones."""
+    if claimed > MOST_UNPACKED * (packed + SHORT_FILE):
+        raise bad(
+            "its data",
+            f"{packed} compressed bytes for {claimed} bytes of voxels",
+            "enough of them (the header is wrong, or the file is cut off)",
+            str(path),
+        )
+
+
+def file_size(path: Path) -> int:
+    """Bytes of the file; InputError where it cannot be looked at."""
+    try:
+        return path.stat().st_size
+    except OSError as error:
+        raise unreadable(path, error, "a file") from None
+
+
+def choose_channel(count: int, options: Options, path: Path, what: str = "channels") -> int:
+    """Which of `count` channels (or time steps) to read: the only one, or the one asked for."""
+    if options.channel is None:
+        if count == 1:
+            return 0
+        raise bad(path.name, f"{count} {what}", f"a choice of one, 0 to {count - 1} (--channel)")
+    if not 0 <= options.channel < count:
+        raise bad("the channel", options.channel, f"0 to {count - 1}", str(path))
+    return options.channel
+
+
+def affine(
+    directions: ArrayLike, spacing: ArrayLike, origin: ArrayLike, path: Path
+) -> NDArray[np.float64]:
+    """Index to world from world directions of i, j, k (rows), their spacing, voxel 0's centre."""
+    result = np.eye(4)
+    try:
+        rows = np.asarray(directions, np.float64).reshape(3, 3)
+        result[:3, :3] = rows.T * np.asarray(spacing, np.float64).reshape(3)
+        result[:3, 3] = np.asarray(origin, np.float64).reshape(3)
+    except (TypeError, ValueError):
+        raise bad(
+            "its directions, spacing or origin",
+            "incomplete",
+            "nine, three and three numbers",
+            str(path),
+        ) from None
+    return result
+
+
+def to_lps(matrix: NDArray[np.float64], space: str) -> NDArray[np.float64]:
+    """`matrix` of another anatomical space, turned or mirrored into LPS."""
+    turned: NDArray[np.float64] = np.diag([*TO_LPS[space], 1]) @ matrix
+    return turned
