@@ -203,6 +203,8 @@ def test_bad_input_is_one_line_status_1_and_nothing_written(
         ["bake", "x.blend", "--model", "spherical_harmonics"],
         ["bake", "x.blend", "--model", "spherical_harmonics", "--set", "order", "-o", "out"],
         ["compare", "x.blend", "--models", "spherical_harmonics,nonsense", "-o", "out"],
+        ["bake", "x.blend", "--model", "spherical_harmonics", "--frames", "3-1", "-o", "out"],
+        ["bake", "x.blend", "--model", "spherical_harmonics", "--frames", "-1", "-o", "out"],
         ["compare", "x.blend", "--samples", "0", "-o", "out"],
         ["compare", "x.blend", "--noise", "-1", "-o", "out"],
         ["scene", "x.vdb", "--preset", "nonsense", "-o", "x.blend"],
@@ -275,3 +277,51 @@ def test_the_settings_of_the_file_count(made: Path) -> None:
     assert result.status == 0, result.err
     parameters = read_metadata(made / result.out.strip())["parameters"]
     assert (parameters["order"], parameters["directions"]) == (2, 8)
+
+
+def test_a_range_of_frames_is_a_line_of_json_each(made: Path) -> None:
+    call = ["bake", "plume.blend", "--model", "multidirectional_occlusion", *FEW, "-o", "frames"]
+    first, again = session(made, [*call, "--frames", "4-6"], [*call, "--frames", "4-6"])
+    assert (first.status, again.status) == (0, 0), first.err + again.err
+    lines = [json.loads(line) for line in first.out.splitlines()]
+    assert [line["frame"] for line in lines] == [4, 5, 6]
+    # Nothing moves: one is solved, the others are the same.
+    assert [line["found"] for line in lines] == [False, True, True]
+    assert len({line["hash"] for line in lines}) == 1
+    for line in lines:
+        assert read_metadata(made / line["path"])["hash"] == line["hash"]
+    assert all(json.loads(line)["found"] for line in again.out.splitlines())
+
+
+def test_a_killed_range_of_frames_resumes(made: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    call = [
+        "bake", "turning.blend", "--model", "multidirectional_occlusion", "--frames", "1-3",
+        "--set", "directions=4096", "-o", str(folder),
+    ]  # fmt: skip
+    code = (
+        "import bpy\n"
+        "bpy.ops.wm.open_mainfile(filepath='plume.blend')\n"
+        "sun = next(o for o in bpy.context.scene.objects if o.type == 'LIGHT')\n"
+        "for frame in (1, 3):\n"
+        "    sun.rotation_euler[0] += 0.2\n"
+        "    sun.keyframe_insert('rotation_euler', frame=frame)\n"
+        "bpy.ops.wm.save_as_mainfile(filepath='turning.blend')\n"
+    )
+    subprocess.run(
+        [sys.executable, "-c", code], cwd=made, env=ENVIRONMENT, check=True, capture_output=True
+    )
+    child = start(made, *call)
+    assert child.stdout is not None
+    said = json.loads(child.stdout.readline())  # the first frame is there
+    child.kill()
+    child.communicate()
+    (whole,) = folder.glob("*.vdb")
+    assert str(whole) == said["path"]
+    before = whole.stat().st_mtime_ns
+    (result,) = session(made, call)
+    assert result.status == 0, result.err
+    found = [json.loads(line)["found"] for line in result.out.splitlines()]
+    assert found[0]
+    assert len(found) == 3 == len(list(folder.iterdir()))  # no temporary is left
+    assert whole.stat().st_mtime_ns == before

@@ -17,6 +17,7 @@ import threading
 from collections import deque
 from pathlib import Path
 from types import TracebackType
+from typing import IO
 
 import bpy
 
@@ -76,17 +77,27 @@ def command(arguments: list[str]) -> tuple[list[str], dict[str, str]]:
             *arguments], environment  # fmt: skip
 
 
-def run(arguments: list[str], control: Control) -> str:
-    """Run the command line to its end and return the last line that it printed.
+def run(arguments: list[str], control: Control) -> list[str]:
+    """Run the command line to its end and return the lines that it printed, one at least.
 
     Raises Cancelled, InputError with the child's own words, or RuntimeError when it crashed.
     """
     process, environment = command([*arguments, "--progress-seconds", str(PROGRESS_SECONDS)])
+    # Not a pipe: it would have to be emptied while the child runs.
+    with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as output:
+        _run(process, environment, output, control)
+        output.seek(0)
+        return output.read().strip().splitlines()
+
+
+def _run(
+    process: list[str], environment: dict[str, str], output: IO[str], control: Control
+) -> None:
     child = subprocess.Popen(
         process,
         env=environment,
         stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
+        stdout=output,
         stderr=subprocess.PIPE,
         text=True,
         encoding="utf-8",
@@ -100,15 +111,13 @@ def run(arguments: list[str], control: Control) -> str:
     try:
         status = _wait(child, control)
         reader.join(PATIENCE_SECONDS)
-        printed = child.stdout.read() if child.stdout else ""
     finally:
         child.kill()
         child.wait()
-        for pipe in (child.stdout, child.stderr):
-            if pipe is not None:
-                pipe.close()
+        if child.stderr is not None:
+            child.stderr.close()
     if status == 0:
-        return printed.strip().splitlines()[-1]
+        return
     control.check()
     if status == 130:
         raise Cancelled("cancelled")

@@ -96,6 +96,12 @@ def _add_bake(command: argparse.ArgumentParser) -> None:
         metavar="NAME=VALUE",
         help="a parameter in place of the file's (see `volillum models`)",
     )
+    command.add_argument(
+        "--frames",
+        type=_frames,
+        metavar="A-B",
+        help="bake these frames as a sequence, and print a line of JSON for each",
+    )
     command.set_defaults(run=_bake)
 
 
@@ -166,6 +172,16 @@ def _assignment(text: str) -> tuple[str, str]:
     return name, value
 
 
+def _frames(text: str) -> range:
+    first, dash, last = text.partition("-")
+    if not first.isdecimal() or (dash and not last.isdecimal()):
+        raise argparse.ArgumentTypeError(f"{text!r} is not A-B, two frames of 0 or more")
+    frames = range(int(first), int(last or first) + 1)
+    if not frames:
+        raise argparse.ArgumentTypeError(f"{text!r} ends before it begins")
+    return frames
+
+
 def _ids(text: str) -> tuple[str, ...]:
     ids = tuple(part.strip() for part in text.split(","))
     for each in ids:
@@ -209,6 +225,17 @@ def _make_scene(options: argparse.Namespace) -> None:
 def _bake(options: argparse.Namespace) -> None:
     from . import commands
 
+    if options.frames is not None:
+        commands.bake_frames(
+            options.file,
+            options.scene,
+            options.model,
+            dict(options.given),
+            options.frames,
+            options.output,
+            options.progress_seconds,
+        )
+        return
     print(
         commands.bake(
             options.file,

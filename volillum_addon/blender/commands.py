@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +20,7 @@ from .terminal import quiet, watched
 with quiet():
     import bpy
 
-    from . import comparing, properties, work
+    from . import animation, comparing, properties, work
 
 DEMO_VOLUME = PRESETS / "volumes" / "smoke.vdb"
 DEMO_PRESET = "smoke"
@@ -78,6 +79,23 @@ def bake(
     how = f"found, baked before in {took}" if baked.found else f"baked in {took}"
     print(f"{model} {how} ({seconds:.2f} s in all)", file=sys.stderr)
     return str(baked.path)
+
+
+def bake_frames(
+    file: Path | None,
+    scene_name: str | None,
+    model: str,
+    given: Mapping[str, str],
+    frames: Sequence[int],
+    directory: Path,
+    progress_seconds: float | None,
+) -> None:
+    """Bake a range of frames as one sequence; a line of JSON for each frame once it is there."""
+    with quiet() as say, _scene(file, scene_name) as scene:
+        values = {**properties.model_values(scene.volillum, model), **given}
+        with watched(f"baking {model}", progress_seconds) as control:
+            for frame in animation.bake(scene, model, values, frames, directory, control):
+                say(json.dumps(animation.described(frame)))
 
 
 def compare(

@@ -41,7 +41,7 @@ def show_bake(
     no bake, or holds too many grids even so.
     """
     volume = relight(read_vdb(path), read_lights(scene))
-    limit = EEVEE_GRIDS if scene.render.engine == "BLENDER_EEVEE" else None
+    limit = grid_limit(scene)
     volume, path = displayed(volume, path, path.parent, limit, as_radiance)
     material = display_material(path.stem, volume, limit)
     try:
@@ -53,6 +53,11 @@ def show_bake(
     shown = bpy.data.objects.new(path.stem, data)
     collection.objects.link(shown)
     return shown
+
+
+def grid_limit(scene: bpy.types.Scene) -> int | None:
+    """How many grids the scene's engine reads in one material; None: any number."""
+    return EEVEE_GRIDS if scene.render.engine == "BLENDER_EEVEE" else None
 
 
 def displayed(

@@ -11,7 +11,7 @@ import bpy
 from ..compare.measure import Options
 from ..core.control import Control
 from ..core.errors import InputError
-from . import child, comparing, modal, work
+from . import animation, child, comparing, modal, work
 from .failures import EXPECTED, one_line
 from .jobs import Work
 from .places import output_directory
@@ -46,6 +46,51 @@ class VOLILLUM_OT_bake(modal.WorkOperator, bpy.types.Operator):
             lambda control: work.bake(reading, model, values, directory, control),
             lambda baked: work.keep(_scene(name), baked, source),
         )
+
+
+class VOLILLUM_OT_bake_frames(modal.WorkOperator, bpy.types.Operator):
+    """Bake every frame of the scene's range into a sequence that plays in sync."""
+
+    bl_idname = "volillum.bake_frames"
+    bl_label = "Bake animation"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+
+    @override
+    def prepare(self, context: bpy.types.Context) -> Work[Any]:
+        """All in this process: reading a frame moves the scene there, in the main thread."""
+        scene = context.scene
+        settings, name = scene.volillum, scene.name
+        source = work.noted_source(scene)
+        values = model_values(settings, settings.model)
+        directory = output_directory(settings.directory)
+        frames = range(scene.frame_start, scene.frame_end + 1)
+
+        def compute(control: Control) -> list[dict[str, Any]]:
+            baked = animation.bake(scene, settings.model, values, frames, directory, control)
+            return [animation.described(frame) for frame in baked]
+
+        return Work(compute, lambda found: work.keep_frames(_scene(name), found, source))
+
+    @override
+    def prepare_beside(self, context: bpy.types.Context) -> Work[Any]:
+        """In a Blender of its own, on a copy of the file: the user's own frame stays."""
+        scene = context.scene
+        settings, name = scene.volillum, scene.name
+        source = work.noted_source(scene)
+        directory = output_directory(settings.directory)
+        copy = child.save_copy()
+        arguments = [
+            "bake", str(copy.file), "--scene", name, "-o", str(directory),
+            "--model", settings.model, "--frames", f"{scene.frame_start}-{scene.frame_end}",
+        ]  # fmt: skip
+
+        def compute(control: Control) -> list[dict[str, Any]]:
+            with copy:
+                # A real Blender says hello on the same channel.
+                lines = child.run(arguments, control)
+                return [json.loads(line) for line in lines if line.startswith("{")]
+
+        return Work(compute, lambda found: work.keep_frames(_scene(name), found, source))
 
 
 class VOLILLUM_OT_show(bpy.types.Operator):
@@ -127,7 +172,7 @@ class VOLILLUM_OT_compare(modal.WorkOperator, bpy.types.Operator):
 
         def compute(control: Control) -> Path:
             with copy:
-                return Path(child.run(arguments, control))
+                return Path(child.run(arguments, control)[-1])
 
         return Work(compute, lambda page: _keep_report(name, page), estimates=True)
 
@@ -154,4 +199,10 @@ class VOLILLUM_OT_cancel(bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (VOLILLUM_OT_bake, VOLILLUM_OT_show, VOLILLUM_OT_compare, VOLILLUM_OT_cancel)
+CLASSES = (
+    VOLILLUM_OT_bake,
+    VOLILLUM_OT_bake_frames,
+    VOLILLUM_OT_show,
+    VOLILLUM_OT_compare,
+    VOLILLUM_OT_cancel,
+)

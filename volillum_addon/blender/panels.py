@@ -80,6 +80,7 @@ class VOLILLUM_PT_bake(_Sidebar, bpy.types.Panel):
         settings = scene.volillum
         layout.prop(settings, "directory")
         _progress_or_button(layout, "volillum.bake", "RENDER_STILL")
+        _progress_or_button(layout, "volillum.bake_frames", "RENDER_ANIMATION", scale=1)
         baked = settings.baked
         row = layout.row(align=True)
         row.enabled = bool(baked.path)
@@ -140,6 +141,8 @@ def _baked(box: bpy.types.UILayout, scene: bpy.types.Scene, room: float) -> None
     settings = scene.volillum
     baked = settings.baked
     how = "found on disk" if baked.found else f"baked in {baked.seconds:.2f} s"
+    if baked.frames:
+        how = f"{baked.frames} frames, {how}"
     _lines(box, f"{get(baked.model).label}, {how}", room, "CHECKMARK")
     if baked.model != settings.model:  # or the model's own panel says so
         for note in filter(None, baked.notes.split("\n")):
@@ -156,7 +159,9 @@ def _baked(box: bpy.types.UILayout, scene: bpy.types.Scene, room: float) -> None
         _lines(box, note, room, "LIGHT_SUN")
 
 
-def _progress_or_button(layout: bpy.types.UILayout, operator: str, icon: str) -> None:
+def _progress_or_button(
+    layout: bpy.types.UILayout, operator: str, icon: str, scale: float = BUTTON_SCALE
+) -> None:
     """The button, or how far its job is; other jobs only block it."""
     job = modal.current()
     title = bpy.ops
@@ -166,12 +171,12 @@ def _progress_or_button(layout: bpy.types.UILayout, operator: str, icon: str) ->
     if job is None or job.label != label:
         row = layout.row()
         row.enabled = job is None
-        row.scale_y = BUTTON_SCALE
+        row.scale_y = scale
         # From a panel's button `invoke` runs: beside the user's work.
         row.operator(operator, icon=icon)
         return
     row = layout.row(align=True)
-    row.scale_y = BUTTON_SCALE
+    row.scale_y = scale
     row.progress(factor=min(max(job.control.fraction, 0.0), 1.0), text=job.progress)
     row.operator("volillum.cancel", text="", icon="X")
 

@@ -54,14 +54,15 @@ NOT_MEASURED = -1.0
 class Baked(bpy.types.PropertyGroup):
     """The last bake of a scene."""
 
-    path: _text("File", subtype="FILE_PATH")
+    path: _text("File", "Of a sequence, that of its first frame", subtype="FILE_PATH")
+    frames: _still(bpy.props.IntProperty, "Frames", "How many of a sequence; 0: one bake", min=0)
     model: _model()
     seconds: _number("Seconds", unit="TIME_ABSOLUTE")
     found: _still(bpy.props.BoolProperty, "Found on disk")
     notes: _text("Left out")
     source: _text("Source", "What the volume looked like when it was baked")
     shown: bpy.props.PointerProperty(name="Shown as", type=bpy.types.Object)
-    lighting: _text("Lighting", "What the lights looked like when the bake was shown")
+    lighting: _text("Lighting", "What the lights looked like, by frame, when the bake was shown")
 
 
 class Result(bpy.types.PropertyGroup):

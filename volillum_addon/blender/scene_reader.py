@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -79,7 +80,7 @@ def read_scene(
     return Reading(
         scene=Scene(medium, read_lights(scene), camera),
         volume_object=placed.name,
-        stem=path.stem,
+        stem=_stem(placed, path),
         width=width,
         height=height,
         notes=notes,
@@ -97,10 +98,21 @@ def volume_path(placed: bpy.types.Object) -> Path:
     if data.is_sequence:
         if not data.grids.load():
             raise InputError(f"volume {placed.name!r}: {data.grids.error_message}")
+        if not data.grids.frame_filepath:
+            raise InputError(
+                f"volume {placed.name!r}'s sequence has no file at frame "
+                f"{bpy.context.scene.frame_current}; expected one at every frame that is baked"
+            )
         path = Path(data.grids.frame_filepath)
     if not path.is_file():
         raise InputError(f"volume {placed.name!r}'s file is missing: {path}")
     return path
+
+
+def _stem(placed: bpy.types.Object, path: Path) -> str:
+    """What the volume is called by: of a sequence, its files' name without the frame's number."""
+    stem = path.stem
+    return re.sub(r"[._-]?\d+$", "", stem) or stem if placed.data.is_sequence else stem
 
 
 def density_factor(placed: bpy.types.Object) -> float:

@@ -21,8 +21,12 @@ from ..bake.vdb import read_metadata
 from ..core.errors import InputError
 from ..models.model import Model, Value
 from ..models.registry import get
+from .frames import files, frame_file, frame_of, kept_frame
 from .outline import closures, outline
 from .properties import model_values
+
+# What of a source does not move: of a sequence, all else may differ from frame to frame.
+STILL = "the volume's file or grid"
 
 
 def source(settings: Any, volume: bpy.types.Object) -> dict[str, str]:
@@ -36,7 +40,7 @@ def source(settings: Any, volume: bpy.types.Object) -> dict[str, str]:
         file = [str(path)]
     place = [list(row) for row in volume.matrix_world]
     return {
-        "the volume's file or grid": _digest([*file, settings.density_grid]),
+        STILL: _digest([*file, settings.density_grid]),
         "the volume's place": _digest([*place, data.render.space]),
         "the volume's material": _digest(_coefficients(settings, volume)),
     }
@@ -49,18 +53,40 @@ def changes(scene: bpy.types.Scene, volume: bpy.types.Object | None) -> tuple[st
     if not baked.path:
         return ()
     try:
-        metadata = _metadata(bpy.path.abspath(baked.path))
+        path = Path(bpy.path.abspath(baked.path))
+        if baked.frames:
+            first = frame_of(path)
+            last = first + baked.frames - 1
+            if not first <= scene.frame_current <= last:
+                return (f"frame {scene.frame_current} is outside of the baked {first} to {last}",)
+            path = frame_file(path, scene.frame_current)
+        metadata = _metadata(str(path))
     except (InputError, OSError):
         return ("the baked file is gone",)
     if volume is None:
         return ("the volume is gone",)
     model = get(baked.model)
     now, before = source(settings, volume), json.loads(baked.source or "{}")
+    parts = (STILL,) if baked.frames else now
     return (
-        *(f"{part} has changed" for part in now if before.get(part) != now[part]),
+        *(f"{part} has changed" for part in parts if before.get(part) != now[part]),
         *_parameters(metadata["parameters"], model_values(settings, model.id)),
         *_parts(scene, volume, model, metadata["inputs"]),
     )
+
+
+def noted_lighting(scene: bpy.types.Scene, volume: bpy.types.Object | None) -> str:
+    """`lighting` of the last bake's model as it is shown: of a sequence, at each of its frames."""
+    baked = scene.volillum.baked
+    model = get(baked.model)
+    if not baked.frames:
+        return lighting(scene, volume, model)
+    noted = {}
+    with kept_frame(scene):
+        for frame in files(Path(bpy.path.abspath(baked.path))):
+            scene.frame_set(frame)
+            noted[frame] = lighting(scene, volume, model)
+    return json.dumps(noted)
 
 
 def lighting(scene: bpy.types.Scene, volume: bpy.types.Object | None, model: Model) -> str:
@@ -83,7 +109,10 @@ def shown_differs(scene: bpy.types.Scene, volume: bpy.types.Object | None) -> st
     shown = Path(bpy.path.abspath(baked.shown.data.filepath))
     if not shows(shown, Path(bpy.path.abspath(baked.path))):
         return "An older bake is shown: Show bake shows the new one"
-    if baked.lighting != lighting(scene, volume, get(baked.model)):
+    noted = baked.lighting
+    if baked.frames:
+        noted = json.loads(noted).get(str(scene.frame_current))
+    if noted is not None and noted != lighting(scene, volume, get(baked.model)):
         return "The lights have changed: Show bake relights"
     return ""
 

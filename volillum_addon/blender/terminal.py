@@ -8,7 +8,7 @@ import signal
 import socket
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import FrameType
 
 from ..core.control import Control
@@ -100,14 +100,21 @@ def _interrupts(control: Control) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def quiet() -> Iterator[None]:
-    """Nothing but what this program says reaches standard output: Blender prints there too."""
+def quiet() -> Iterator[Callable[[str], None]]:
+    """Nothing but what this program says reaches standard output: Blender prints there too. Yields
+    what prints a line there all the same."""
     sys.stdout.flush()
     kept = os.dup(1)
     nowhere = os.open(os.devnull, os.O_WRONLY)
+
+    def say(line: str) -> None:
+        data = line.encode() + b"\n"
+        while data:
+            data = data[os.write(kept, data) :]
+
     try:
         os.dup2(nowhere, 1)
-        yield
+        yield say
     finally:
         sys.stdout.flush()
         os.dup2(kept, 1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +13,10 @@ from ..bake.run import Baked, bake_file
 from ..core.control import Control
 from ..core.errors import InputError
 from ..models.model import Value
-from ..models.registry import get, models
+from ..models.registry import models
 from . import scene_presets, staleness
 from .display import show_bake
+from .display_frames import show_frames
 from .medium_reader import MediumSettings
 from .properties import model_values
 from .scene_reader import Reading, read_scene
@@ -51,6 +52,7 @@ def bake(
 def keep(scene: bpy.types.Scene, baked: Baked, source: Mapping[str, str]) -> str:
     """Note the bake in the scene's settings and return the line to say about it."""
     kept = scene.volillum.baked
+    kept.frames = 0
     kept.path = str(baked.path)
     kept.model = baked.model
     kept.seconds = baked.seconds_bake + baked.seconds_hand_over
@@ -59,6 +61,21 @@ def keep(scene: bpy.types.Scene, baked: Baked, source: Mapping[str, str]) -> str
     kept.source = json.dumps(source)
     how = "found" if baked.found else f"baked in {kept.seconds:.2f} s"
     return f"{baked.path.name} {how}"
+
+
+def keep_frames(
+    scene: bpy.types.Scene, frames: Sequence[Mapping[str, Any]], source: Mapping[str, str]
+) -> str:
+    """The same for a sequence, each frame as the command line describes it."""
+    kept = scene.volillum.baked
+    kept.path, kept.model = frames[0]["path"], frames[0]["model"]
+    kept.frames = len(frames)
+    kept.seconds = sum(each["seconds_bake"] + each["seconds_hand_over"] for each in frames)
+    kept.found = all(each["found"] for each in frames)
+    kept.notes = "\n".join(dict.fromkeys(note for each in frames for note in each["notes"]))
+    kept.source = json.dumps(source)
+    solved = sum(not each["found"] for each in frames)
+    return f"{len(frames)} frames, {solved} of them baked now: {Path(kept.path).name}"
 
 
 def noted_source(scene: bpy.types.Scene) -> dict[str, str]:
@@ -70,15 +87,19 @@ def noted_source(scene: bpy.types.Scene) -> dict[str, str]:
 
 
 def show(scene: bpy.types.Scene, path: Path) -> bpy.types.Object:
-    """Show a bake in place of its volume, under the scene's lights as they are now."""
+    """Show a bake in place of its volume, under the scene's lights as they are now; a sequence
+    under those of each frame."""
     settings = scene.volillum
     volume = chosen_volume(scene)
     before = settings.baked.shown
-    shown = show_bake(path, scene, scene.collection, settings.as_radiance)
+    if settings.baked.frames:
+        shown = show_frames(path, scene, scene.collection)
+    else:
+        shown = show_bake(path, scene, scene.collection, settings.as_radiance)
     if before is not None and before != shown:
         discard(before)
     settings.baked.shown = shown
-    settings.baked.lighting = staleness.lighting(scene, volume, get(settings.baked.model))
+    settings.baked.lighting = staleness.noted_lighting(scene, volume)
     if volume is not None:
         settings.volume = volume
         volume.hide_render = volume.hide_viewport = True
