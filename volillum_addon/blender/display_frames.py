@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import bpy
 
 from ..bake.vdb import read_vdb
 from ..core.errors import InputError
+from ..models.angular import Angular
 from ..models.illuminate import relight
+from ..models.volume import Factor, IlluminationVolume, RadianceTerm
+from .constants import Constants, constants, key_frames, same_nodes
 from .display import display_material, grid_limit
 from .frames import files, kept_frame
 from .light_reader import read_lights
 from .sandbox import load_volume
+
+# What a term multiplies; its weight is what may change from frame to frame.
+type Products = tuple[tuple[Factor, ...], Angular | None]
 
 
 def show_frames(
@@ -24,20 +31,12 @@ def show_frames(
     constants: these get key frames. Raises InputError where the frames need unlike materials.
     """
     paths = files(first)
-    material, constants = None, {}
     with kept_frame(scene):
-        for frame, path in paths.items():
-            scene.frame_set(frame)
-            volume = relight(read_vdb(path), read_lights(scene))
-            made = display_material(first.stem, volume, grid_limit(scene))
-            constants[frame] = _constants(made)
-            if material is None:
-                material = made
-            else:
-                bpy.data.materials.remove(made)
-    assert material is not None  # a sequence has a frame
+        lit = {frame: _lit(scene, frame, path).radiance for frame, path in paths.items()}
+        products = dict.fromkeys(_products(term) for terms in lit.values() for term in terms)
+        material, found = _materials(scene, paths, tuple(products))
     try:
-        _key(material, constants)
+        key_frames(material, found)
         data = load_volume(first)
     except InputError:
         bpy.data.materials.remove(material)
@@ -52,44 +51,56 @@ def show_frames(
     return shown
 
 
-# A node's kind and, per socket of it, the constant there (None: none, or a link).
-type Constants = list[tuple[str, list[tuple[float, ...] | None]]]
+def _lit(scene: bpy.types.Scene, frame: int, path: Path) -> IlluminationVolume:
+    scene.frame_set(frame)
+    return relight(read_vdb(path), read_lights(scene))
 
 
-def _constants(material: bpy.types.Material) -> Constants:
-    return [
-        (node.bl_idname, [_constant(socket) for socket in node.inputs])
-        for node in material.node_tree.nodes
-    ]
+def _products(term: RadianceTerm) -> Products:
+    return term.factors, term.angular
 
 
-def _constant(socket: bpy.types.NodeSocket) -> tuple[float, ...] | None:
-    if socket.is_linked or not hasattr(socket, "default_value"):
-        return None
-    value = socket.default_value
-    return (value,) if isinstance(value, float) else tuple(value)
+def _materials(
+    scene: bpy.types.Scene, paths: Mapping[int, Path], products: tuple[Products, ...]
+) -> tuple[bpy.types.Material, dict[int, Constants]]:
+    """The first frame's material, and every frame's constants, all over the same products: a term
+    that a frame lacks has the weight 0 there."""
+    material: bpy.types.Material | None = None
+    found: dict[int, Constants] = {}
+    try:
+        for frame, path in paths.items():
+            volume = _padded(_lit(scene, frame, path), products, frame)
+            made = display_material(path.stem, volume, grid_limit(scene))
+            found[frame] = constants(made)
+            if material is None:
+                material = made
+            else:
+                bpy.data.materials.remove(made)
+                _require(same_nodes(found[frame], next(iter(found.values()))), frame)
+    except InputError:
+        if material is not None:
+            bpy.data.materials.remove(material)
+        raise
+    assert material is not None  # a sequence has a frame
+    return material, found
 
 
-def _key(material: bpy.types.Material, constants: dict[int, Constants]) -> None:
-    """Key frames for the constants of the material that are not the same at every frame."""
-    frames = sorted(constants)
-    for frame in frames[1:]:
-        if _shape(constants[frame]) != _shape(constants[frames[0]]):
-            raise InputError(
-                f"frame {frame} needs another material than frame {frames[0]} (a light or a term "
-                "comes or goes); expected the same lights at every frame, dimmed to 0 when they "
-                "are off"
-            )
-    for index, node in enumerate(material.node_tree.nodes):
-        for place, socket in enumerate(node.inputs):
-            values = {frame: constants[frame][index][1][place] for frame in frames}
-            if len(set(values.values())) == 1:
-                continue
-            for frame, value in values.items():
-                assert value is not None  # links are the same at every frame
-                socket.default_value = value[0] if len(value) == 1 else value
-                socket.keyframe_insert("default_value", frame=frame)
+def _padded(
+    volume: IlluminationVolume, products: tuple[Products, ...], frame: int
+) -> IlluminationVolume:
+    weights = {_products(term): term.weight for term in volume.radiance}
+    terms = tuple(
+        RadianceTerm(factors, weights.get((factors, angular), (0.0, 0.0, 0.0)), angular)
+        for factors, angular in products
+    )
+    channels = {factor.channel for factors, _ in products for factor in factors}
+    _require(channels <= volume.channels.keys(), frame)
+    return volume.with_radiance(terms)
 
 
-def _shape(constants: Constants) -> list[tuple[str, list[bool]]]:
-    return [(kind, [value is None for value in values]) for kind, values in constants]
+def _require(alike: bool, frame: int) -> None:
+    if not alike:
+        raise InputError(
+            f"frame {frame} needs another material than the others (a light or a term comes or "
+            "goes); expected the same lights at every frame, dimmed to 0 when they are off"
+        )
