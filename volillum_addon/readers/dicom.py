@@ -17,7 +17,16 @@ from numpy.typing import NDArray
 
 from ..core.errors import InputError, bad
 from .layers import stacked
-from .source import Options, Slab, Source, check_unpacked, choose_channel, file_size, library
+from .source import (
+    BoundedFile,
+    Options,
+    Slab,
+    Source,
+    check_unpacked,
+    choose_channel,
+    file_size,
+    library,
+)
 
 EXPECTED = "whole DICOM images"
 KINDS = {"CT": "ct", "MR": "mr"}
@@ -47,9 +56,9 @@ class Slice:
 
 def read(path: Path, options: Options) -> Source:
     """The series of a folder (there may be one only) or the one that a file belongs to."""
-    series = _series(path)
-    first = series[0][1]
     with library(path, EXPECTED):
+        series = _series(path)
+        first = series[0][1]
         slices = [each for file, header in series for each in _slices(file, header)]
         rows, columns = int(first.Rows), int(first.Columns)
         samples = int(getattr(first, "SamplesPerPixel", 1))
@@ -138,13 +147,15 @@ def _header(path: Path) -> Any:
     with library(path, "a DICOM file"):
         from pydicom import dcmread
 
-        return dcmread(path, stop_before_pixels=True, specific_tags=TAGS)
+        with BoundedFile(path) as file:
+            return dcmread(file, stop_before_pixels=True, specific_tags=TAGS)
 
 
 def _pixels(path: Path) -> Any:
     from pydicom import dcmread
 
-    return dcmread(path).pixel_array
+    with BoundedFile(path) as file:
+        return dcmread(file).pixel_array
 
 
 def _is_image(header: Any) -> bool:

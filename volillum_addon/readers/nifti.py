@@ -26,7 +26,6 @@ from .source import (
     file_size,
     library,
     to_lps,
-    unreadable,
 )
 
 EXPECTED = "a whole NIfTI file"
@@ -71,11 +70,8 @@ def read(path: Path, options: Options) -> Source:
         for begin in range(0, nz, depth):
             layers = slice(begin, min(begin + depth, nz))
             index: tuple[Any, ...] = (slice(None), slice(None), layers, *map(int, chosen))
-            try:
-                with library(path, EXPECTED):
-                    values = np.asarray(stored[index[: len(stored.shape)]])
-            except MemoryError as error:
-                raise unreadable(path, error, EXPECTED) from None
+            with library(path, EXPECTED):
+                values = np.asarray(stored[index[: len(stored.shape)]])
             yield values.reshape(sizes[0], sizes[1], -1)
 
     return Source(path, "NIfTI", (sizes[0], sizes[1], nz), matrix, dtype, slabs,

@@ -30,6 +30,7 @@ from . import payload
 from .layers import sliced
 from .payload import Layout, Part
 from .source import (
+    BoundedFile,
     Options,
     RawLayout,
     Slab,
@@ -82,15 +83,8 @@ def read_numpy(path: Path, options: Options) -> Source:
     """An array of a .npy or .npz file, [x, y, z] unless a sidecar says zyx; a fourth axis, first or
     last, is of channels."""
     with library(path, "a NumPy file of numbers"):
-        array: Any = np.load(path, mmap_mode="r", allow_pickle=False)
-        if not isinstance(array, np.ndarray):
-            with array:
-                names = list(array.files)
-                wanted = options.grid or (names[0] if len(names) == 1 else "")
-                if wanted not in names:
-                    raise bad(path.name, f"arrays {', '.join(names)}", "a choice of one (--grid)")
-                _check_member(path, wanted)
-                array = array[wanted]
+        array = _member(path, options.grid) if path.suffix == ".npz" else np.load(
+            path, mmap_mode="r", allow_pickle=False)  # fmt: skip
     check_number_type(array.dtype, path)
     if array.ndim == 4:
         last = array.shape[3] <= 4
@@ -172,11 +166,25 @@ def _json(path: Path) -> Mapping[str, Any]:
     return found
 
 
-def _check_member(path: Path, name: str) -> None:
-    """A member may not claim to unpack to more than it can."""
-    with zipfile.ZipFile(path) as members:
-        info = members.getinfo(name if name in members.namelist() else f"{name}.npy")
+def _member(path: Path, name: str | None) -> Any:
+    """An array of an .npz file, which may not claim to unpack to more than it can."""
+    with BoundedFile(path) as file, zipfile.ZipFile(file) as members:
+        names = [each.removesuffix(".npy") for each in members.namelist()]
+        wanted = name or (names[0] if len(names) == 1 else "")
+        if wanted not in names:
+            raise bad(path.name, f"arrays {', '.join(names)}", "a choice of one (--grid)")
+        info = members.infolist()[names.index(wanted)]
         check_unpacked(path, info.file_size, info.compress_size)
+        with members.open(info) as member:
+            version = np.lib.format.read_magic(member)
+            header = (np.lib.format.read_array_header_1_0 if version == (1, 0)
+                      else np.lib.format.read_array_header_2_0)  # fmt: skip
+            shape, fortran, dtype = header(member)
+            count = math.prod(shape)
+            if not 0 <= count * dtype.itemsize <= info.file_size:
+                raise bad("its data", f"{info.file_size} bytes", f"{count} {dtype}", str(path))
+            values = np.frombuffer(member.read(count * dtype.itemsize), dtype)
+            return values.reshape(shape, order="F" if fortran else "C")
 
 
 def _source(

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import io
+import logging
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import override
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,7 +24,9 @@ Slab = NDArray[np.generic]
 TO_LPS = {"LPS": (1, 1, 1), "RAS": (-1, -1, 1), "LAS": (1, -1, 1)}
 # No stream of these formats unpacks to more than this times its length (deflate 1032, TIFF's LZW
 # 2730), give or take a short one: a header that claims more is lying.
-MOST_UNPACKED, SHORT_FILE = 3000, 1 << 16
+MOST_UNPACKED, SHORT_FILE = 3000, 1 << 12
+# Positions beyond this are a damaged header.
+FARTHEST = 1e12
 # Longest edge of a volume in voxels: more is a damaged header.
 LONGEST = 1 << 20
 
@@ -83,21 +88,61 @@ class Source:
     def __post_init__(self) -> None:
         check_shape(self.shape, self.path)
         check_number_type(self.dtype, self.path)
-        if not np.all(np.isfinite(self.index_to_world)):
-            raise bad("the position of its voxels", "not finite", "numbers", str(self.path))
+        if not np.all(np.abs(self.index_to_world) <= FARTHEST):
+            raise bad("the position of its voxels", "no number or beyond all measure",
+                      f"at most {FARTHEST:g} from the origin", str(self.path))  # fmt: skip
+
+
+# Libraries that log what they think of a file.
+LOGGERS = ("nibabel.global", "pydicom", "tifffile")
+
+
+class Complaints(logging.Filter):
+    """Keeps a logger silent and remembers what it would have said of errors."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.errors: list[str] = []
+
+    @override
+    def filter(self, record: logging.LogRecord) -> bool:
+        if record.levelno >= logging.ERROR:
+            self.errors.append(record.getMessage())
+        return False
+
+
+class BoundedFile(io.BufferedReader):
+    """A file of which no more is asked than there is: reading a length that a damaged header names
+    would allocate it first."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(io.FileIO(path))
+        self._bytes = path.stat().st_size
+
+    @override
+    def read(self, size: int | None = -1, /) -> bytes:
+        left = max(self._bytes - self.tell(), 0)
+        return super().read(left if size is None or size < 0 else min(size, left))
 
 
 @contextmanager
-def library(path: Path, expected: str) -> Iterator[None]:
+def library(path: Path, expected: str) -> Iterator[Complaints]:
     """Word whatever a library raises on a damaged file, and keep its warnings to itself."""
+    complaints = Complaints()
+    loggers = [logging.getLogger(name) for name in LOGGERS]
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            yield
-    except (InputError, Cancelled, MemoryError):
+            for logger in loggers:
+                logger.addFilter(complaints)
+            yield complaints
+    except (InputError, Cancelled):
         raise
     except Exception as error:
         raise unreadable(path, error, expected) from error
+    finally:
+        for logger in loggers:
+            logger.removeFilter(complaints)
 
 
 def unreadable(path: Path, error: BaseException, expected: str) -> InputError:
@@ -158,7 +203,8 @@ def affine(
     result = np.eye(4)
     try:
         rows = np.asarray(directions, np.float64).reshape(3, 3)
-        result[:3, :3] = rows.T * np.asarray(spacing, np.float64).reshape(3)
+        with np.errstate(over="ignore", invalid="ignore"):  # a Source looks at the result
+            result[:3, :3] = rows.T * np.asarray(spacing, np.float64).reshape(3)
         result[:3, 3] = np.asarray(origin, np.float64).reshape(3)
     except (TypeError, ValueError):
         raise bad(

@@ -20,6 +20,7 @@ import numpy as np
 from ..core.errors import InputError, bad
 from .layers import stacked
 from .source import (
+    BoundedFile,
     Options,
     Slab,
     Source,
@@ -29,6 +30,7 @@ from .source import (
     choose_channel,
     file_size,
     library,
+    unreadable,
 )
 
 EXPECTED = "a whole TIFF file"
@@ -43,15 +45,18 @@ def read(path: Path, options: Options) -> Source:
     """The volume of a TIFF file or of a folder of them; of several channels one."""
     if path.is_dir():
         return _folder(path, options)
-    with library(path, EXPECTED):
+    with library(path, EXPECTED) as complaints:
         import tifffile
 
-        with tifffile.TiffFile(path) as tiff:
+        with BoundedFile(path) as file, tifffile.TiffFile(file) as tiff:
             series = _series(tiff)
             axes, sizes = str(series.axes), tuple(int(n) for n in series.shape)
             dtype = np.dtype(series.dtype)
             spacing, unit, notes = _spacing(tiff)
             begin, order = series.dataoffset, tiff.byteorder
+    if complaints.errors:
+        # tifffile makes do with the pages that it finds; a volume that lacks some is not whole.
+        raise unreadable(path, ValueError(complaints.errors[0]), EXPECTED)
     if not axes.endswith(("YX", "YXS")) or len(axes) != len(sizes):
         raise bad("its axes", repr(axes), "pages of rows and columns (YX)", str(path))
     check_number_type(dtype, path)
@@ -112,10 +117,10 @@ def _packed(path: Path, pages: Sequence[int], page: Page) -> Callable[[int], Ite
         with library(path, EXPECTED):
             import tifffile
 
-            tiff = tifffile.TiffFile(path)
-        with tiff:
+            file = BoundedFile(path)
+        with file:
             with library(path, EXPECTED):
-                stored = _series(tiff).pages
+                stored = _series(tifffile.TiffFile(file)).pages
 
             def layer(k: int) -> Slab:
                 with library(path, EXPECTED):
