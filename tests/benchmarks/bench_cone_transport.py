@@ -87,7 +87,7 @@ def main() -> None:
             ]
 
         report(f"sweep, {name}", measure(sweep, options.repeats), copy_seconds)
-        for spacing in (1.0, 0.65):
+        for spacing in (1.0, 0.7):
 
             def march(
                 axis: np.ndarray = axis,

@@ -107,7 +107,7 @@ MODEL = Model(
         ),
         Parameter(
             "spacing",
-            0.65,
+            0.7,
             "Step of the light's lattice: 1 for smoke, less for hard surfaces; time grows with its "
             "inverse cube",
             0.1,
@@ -134,7 +134,7 @@ MODEL = Model(
     ladder=(
         {"directions": 8, "spacing": 1.5, "near": 0},
         {"directions": 16, "spacing": 1.0, "near": 2},
-        {"directions": 64, "spacing": 0.65, "near": 4},
+        {"directions": 64, "spacing": 0.7, "near": 4},
         {"directions": 64, "spacing": 0.4, "near": 8},
     ),
 )

@@ -6,14 +6,22 @@
 // the lit side on, solves it. See "half angle" in docs/mathematics.md.
 #pragma once
 
+#include <array>
+
 #include "volillum/control.h"
 #include "volillum/real.h"
 
 namespace volillum {
 
-// One channel of the medium, its lattice, and the cone: outward unit vectors in world space.
+// Albedos that are solved together; the medium has one extinction for all of them.
+constexpr int kMostAlbedos = 3;
+using AlbedoFields = std::array<const Real *, kMostAlbedos>;
+
+// A medium of one extinction, its lattice, and the cone: outward unit vectors in world space.
 struct ConeTransportScene {
-    const Real *sigma_t, *sigma_s;  // [n0, n1, n2], C-contiguous; sigma_s at most sigma_t
+    const Real *sigma_t;   // [n0, n1, n2], C-contiguous
+    AlbedoFields sigma_s;  // of each albedo, at most sigma_t
+    int albedos;           // 1 or 3
     Index3 shape;
     const double *index_to_world;  // row-major 4 x 4
     Vec3d axis;                    // unit vector toward the light
@@ -32,8 +40,8 @@ struct ConeTransportSettings {
     double progress_begin = 0.0, progress_end = 1.0;
 };
 
-// L_i / L_l at the voxels, out is [n0, n1, n2]. Throws std::invalid_argument for directions or
-// weights that do not fit the description, or a singular affine.
+// L_i / L_l at the voxels, out is [albedos, n0, n1, n2]. Throws std::invalid_argument for
+// directions or weights that do not fit the description, or a singular affine.
 void cone_transport(const ConeTransportScene &scene, const ConeTransportSettings &settings,
                     Real *out);
 

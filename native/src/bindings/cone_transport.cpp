@@ -25,7 +25,7 @@ Result cone_transport(const AnyArray &sigma_t, const AnyArray &sigma_s,
                       const AnyArray &directions, const AnyArray &weights,
                       const std::optional<AnyArray> &transmittance, double spacing, int threads,
                       Control *control) {
-    volillum::ConeTransportScene scene;
+    volillum::ConeTransportScene scene{};
     const char *axes = "[1 or 3, nx, ny, nz]";
     const Real *extinction = require<Real>(sigma_t, "sigma_t", axes, {-1, -1, -1, -1});
     const Real *scattering =
@@ -73,15 +73,18 @@ Result cone_transport(const AnyArray &sigma_t, const AnyArray &sigma_s,
                             [](void *pointer) noexcept { delete[] static_cast<Real *>(pointer); });
     {
         const nb::gil_scoped_release release;
-        for (std::size_t channel = 0; channel < channels; ++channel) {
-            scene.sigma_t = extinction + (sigma_t.shape(0) > 1 ? channel * voxels : 0);
-            scene.sigma_s = scattering + (sigma_s.shape(0) > 1 ? channel * voxels : 0);
-            if (visible)
-                scene.transmittance = visible + (sigma_t.shape(0) > 1 ? channel * voxels : 0);
+        // Albedos are solved together where they share the extinction.
+        const std::size_t runs = sigma_t.shape(0), together = channels / runs;
+        scene.albedos = int(together);
+        for (std::size_t run = 0; run < runs; ++run) {
+            scene.sigma_t = extinction + run * voxels;
+            for (std::size_t i = 0; i < together; ++i)
+                scene.sigma_s[i] = scattering + (sigma_s.shape(0) > 1 ? (run + i) * voxels : 0);
+            if (visible) scene.transmittance = visible + run * voxels;
             const volillum::ConeTransportSettings settings{spacing, threads, control,
-                                                           double(channel) / double(channels),
-                                                           double(channel + 1) / double(channels)};
-            volillum::cone_transport(scene, settings, data + channel * voxels);
+                                                           double(run) / double(runs),
+                                                           double(run + 1) / double(runs)};
+            volillum::cone_transport(scene, settings, data + run * together * voxels);
         }
     }
     return Result(data, {channels, sigma_t.shape(1), sigma_t.shape(2), sigma_t.shape(3)}, owner);

@@ -1,6 +1,7 @@
-// Leaf kernels of the cone transport, over rows of `count` points (a whole number of lanes).
+// Leaf kernels of the cone transport, over rows of lattice points or rays.
 #pragma once
 
+#include "volillum/cone_transport.h"
 #include "volillum/real.h"
 
 namespace volillum::cone_detail {
@@ -22,42 +23,51 @@ struct Rows {
 
 // What a row of rays meets on one slice.
 struct SliceRows {
-    Rows in_scattered, sigma_t, sigma_a;
+    Rows sigma_t, sigma_a[kMostAlbedos], in_scattered[kMostAlbedos];
 };
 
 // What is kept of a row of rays. The radiance of a ray on a slice is known + (1 - missing) L_i, for
 // L_i is not known when a ray arrives; `seen` is its transmittance from the light.
-template <class Value>
 struct RayRow {
-    Value *known, *missing, *seen;
-    RayRow<const Value> read_only() const { return {known, missing, seen}; }
+    Real *seen, *known[kMostAlbedos], *missing[kMostAlbedos];
 };
-using RaysIn = RayRow<const Real>;
-using RaysOut = RayRow<Real>;
 
 struct StepRow {
-    RaysIn rays;             // on the slice before
-    SliceRows before, here;  // here.in_scattered is not read
+    RayRow rays;  // at column 0 of the slice; those of the slice before lie at their old columns
+    int shift;    // columns that rays move by: now at c, they were at c - shift
+    SliceRows before, here;  // before at column 0, minus the shift; here.in_scattered is not read
     Taps taps_before, taps_here;
     Real length;
-    RaysOut rays_here;
+};
+
+// Sums over directions at the lattice points of two neighbouring rows.
+struct AddRow {
+    RayRow rays;
+    Real row_fraction, column_fraction, weight;
+    RayRow own, next;
 };
 
 // sigma_t and sigma_t - sigma_s of the trilinear medium at index + c * step, c in [0, count).
 // sigma_t is clipped to `largest`.
-void sample_medium(const Real *sigma_t, const Real *sigma_s, const Index3 &shape,
-                   const Vec3d &index, const Vec3d &step, Real largest, int count, Real *extinction,
-                   Real *absorption);
+struct MediumRow {
+    const Real *sigma_t;
+    AlbedoFields sigma_s;
+    int albedos;
+    Index3 shape;
+    Vec3d index, step;
+    Real largest;
+    Real *extinction, *absorption[kMostAlbedos];
+};
+void sample_medium(const MediumRow &row, int count);
 
-// Takes a row of rays from slice to slice.
-void step_row(const StepRow &row, int count);
+// Takes the rays of the columns [begin, begin + count), whole lanes, from slice to slice, in place.
+void step_row(const StepRow &row, int albedos, int begin, int count);
 
-// sums[c] += weight * (rays interpolated at lattice points). `above` are the rays of the row
-// before; both point at the ray of the same number as c = 0.
-void add_row(const RaysIn &above, const RaysIn &here, Real row_fraction, Real column_fraction,
-             Real weight, int count, const RaysOut &sums);
+// Adds weight * (rays interpolated at lattice points). Lattice points lie before the rays of their
+// own column and row, so a row of rays counts for its own row of points and the next.
+void add_row(const AddRow &row, int albedos, int begin, int count);
 
-// L_i = known / missing, in place of known.
-void solve_row(const RaysOut &sums, int count);
+// L_i = known / missing, to `in_scattered`.
+void solve_row(const Real *known, const Real *missing, int begin, int end, Real *in_scattered);
 
 }  // namespace volillum::cone_detail

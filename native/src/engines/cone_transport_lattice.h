@@ -1,6 +1,7 @@
 // Geometry of the cone transport: a lattice whose slices are perpendicular to the light's axis.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <vector>
@@ -37,6 +38,15 @@ public:
         return offsets_[std::size_t(slice) * std::size_t(rows) + std::size_t(row)];
     }
     std::size_t points() const { return offsets_.back(); }
+    // Where a row of rays is needed: beside a held point. Rays lie beyond the point of their
+    // number.
+    Span rays(int slice, int row) const {
+        const Span one = span(slice, row), two = span(slice, row + 1);
+        if (one.empty() && two.empty()) return {};
+        if (one.empty()) return {two.begin - 1, two.end};
+        if (two.empty()) return {one.begin - 1, one.end};
+        return {std::min(one.begin, two.begin) - 1, std::max(one.end, two.end)};
+    }
 
     // Voxel-index position of a lattice point, and of its neighbour along the row minus that.
     Vec3d index_of(double slice, double row, double column) const;

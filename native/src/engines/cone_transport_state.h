@@ -1,7 +1,7 @@
-// What the cone transport keeps of a slice, and how far its bands have come.
+// What the cone transport keeps while it marches, and how far its slabs have come.
 #pragma once
 
-#include <atomic>
+#include <algorithm>
 #include <chrono>
 #include <condition_variable>
 #include <mutex>
@@ -9,77 +9,158 @@
 
 #include "cone_transport_kernels.h"
 #include "volillum/control.h"
+#include "volillum/huge_pages.h"
 
 namespace volillum::cone_detail {
 
-// Zero-padded rows of a slice.
-class Plane {
+// Rows with margins on both sides; column 0 of each starts on a cache line.
+struct RowLayout {
+    int margin = 0, pitch = 0;
+    RowLayout() = default;
+    RowLayout(int columns, int reach)
+        : margin(round_up(reach + kLanes)), pitch(margin + round_up(columns) + margin) {
+        // Rows a power of two apart would meet in one set of the cache.
+        if (pitch % (8 * kLanes) == 0) pitch += kLanes;
+    }
+};
+
+// The rays of one direction. A row of memory follows its rays from slice to slice: it is the row
+// of the slice less what the rays have moved since the first, modulo the number of rows. Within it
+// they lie at their columns of the slice.
+class RayState {
 public:
-    void resize(int first_row, int rows, int columns, int margin) {
-        first_row_ = first_row;
-        margin_ = margin;
-        pitch_ = round_up(margin) + round_up(columns + margin + 2 * kLanes);
-        values_.assign(std::size_t(rows) * std::size_t(pitch_), 0);
+    void resize(int rows, const RowLayout &layout, int albedos) {
+        rows_ = rows;
+        layout_ = layout;
+        plane_ = std::size_t(rows) * std::size_t(layout.pitch);
+        values_.resize(std::size_t(1 + 2 * albedos) * plane_);
+        albedos_ = albedos;
     }
-    Real *at(int row, int column) {
-        return values_.data() + std::ptrdiff_t(row - first_row_) * pitch_ + round_up(margin_) +
-               column;
+    // At column 0; `row` counts from the rays' first.
+    RayRow at(int row) {
+        const int held = (row % rows_ + rows_) % rows_;
+        Real *first =
+            values_.data() + std::size_t(held) * std::size_t(layout_.pitch) + layout_.margin;
+        RayRow result{first, {}, {}};
+        for (int i = 0; i < albedos_; ++i) {
+            result.known[i] = first + std::size_t(1 + 2 * i) * plane_;
+            result.missing[i] = first + std::size_t(2 + 2 * i) * plane_;
+        }
+        return result;
     }
-    const Real *at(int row, int column) const { return const_cast<Plane *>(this)->at(row, column); }
-    Rows rows(int row, int column) const { return {at(row, column), at(row + 1, column)}; }
 
 private:
-    int first_row_ = 0, margin_ = 0;
-    std::ptrdiff_t pitch_ = 0;
+    int rows_ = 0, albedos_ = 0;
+    RowLayout layout_;
+    std::size_t plane_ = 0;
+    HugeReals values_;
+};
+
+// Zero-padded rows of some quantities, of which each row is one after the other.
+class Rowed {
+public:
+    void resize(int first_row, int rows, int quantities, const RowLayout &layout) {
+        first_row_ = first_row;
+        quantities_ = quantities;
+        layout_ = layout;
+        values_.assign(std::size_t(rows) * std::size_t(quantities) * std::size_t(layout.pitch), 0);
+    }
+    // At column 0.
+    Real *at(int row, int quantity) {
+        const std::ptrdiff_t line = std::ptrdiff_t(row - first_row_) * quantities_ + quantity;
+        return values_.data() + line * layout_.pitch + layout_.margin;
+    }
+
+    void clear(int row, int rows) {
+        const std::ptrdiff_t line = std::ptrdiff_t(quantities_) * layout_.pitch;
+        std::fill_n(values_.data() + (row - first_row_) * line, rows * line, Real(0));
+    }
+
+private:
+    int first_row_ = 0, quantities_ = 0;
+    RowLayout layout_;
     Reals values_;
 };
 
-// The same of the three values of rays.
-struct RayPlanes {
-    Plane known, missing, seen;
-    void resize(int first_row, int rows, int columns, int margin) {
-        for (Plane *plane : {&known, &missing, &seen})
-            plane->resize(first_row, rows, columns, margin);
+// The medium and L_i on one slice.
+class SlicePlanes {
+public:
+    void resize(int rows, int reach, const RowLayout &layout, int albedos) {
+        albedos_ = albedos;
+        planes_.resize(-reach - 2, rows + 2 * reach + 4, 1 + 2 * albedos, layout);
     }
-    RaysOut at(int row, int column) {
-        return {known.at(row, column), missing.at(row, column), seen.at(row, column)};
+    Real *sigma_t(int row) { return planes_.at(row, 0); }
+    Real *sigma_a(int row, int i) { return planes_.at(row, 1 + i); }
+    Real *in_scattered(int row, int i) { return planes_.at(row, 1 + albedos_ + i); }
+    // This row and the next, at `column`.
+    SliceRows rows(int row, int column) {
+        const auto both = [&](int quantity) {
+            return Rows{planes_.at(row, quantity) + column, planes_.at(row + 1, quantity) + column};
+        };
+        SliceRows result{both(0), {}, {}};
+        for (int i = 0; i < albedos_; ++i) {
+            result.sigma_a[i] = both(1 + i);
+            result.in_scattered[i] = both(1 + albedos_ + i);
+        }
+        return result;
     }
-    RaysIn at(int row, int column) const {
-        return {known.at(row, column), missing.at(row, column), seen.at(row, column)};
-    }
+
+private:
+    int albedos_ = 1;
+    Rowed planes_;
 };
 
-// L_i and the medium on one slice.
-struct SlicePlanes {
-    Plane in_scattered, sigma_t, sigma_a;
+// Sums over directions of what a RayRow holds, for two rows of points at a time.
+class SumRows {
+public:
+    void resize(const RowLayout &layout, int albedos) {
+        albedos_ = albedos;
+        sums_.resize(0, 2, 1 + 2 * albedos, layout);
+    }
+    void clear() { sums_.clear(0, 2); }
+    void clear(int row) { sums_.clear(row & 1, 1); }
+    RayRow at(int row) {
+        row &= 1;
+        RayRow result{sums_.at(row, 0), {}, {}};
+        for (int i = 0; i < albedos_; ++i) {
+            result.known[i] = sums_.at(row, 1 + 2 * i);
+            result.missing[i] = sums_.at(row, 2 + 2 * i);
+        }
+        return result;
+    }
+
+private:
+    int albedos_ = 1;
+    Rowed sums_;
 };
 
-// Lets bands of a slice wait, without spinning, for the bands of the slice before that they read.
+// Lets slabs wait, without spinning, for the bands of the slab before that they read.
 class Progress {
 public:
-    explicit Progress(int bands) : done_(std::size_t(bands)) {}
-    void wait(int band, int slices, const Control *control) {
-        if (band < 0 || band >= int(done_.size()) || reached(band, slices)) return;
+    explicit Progress(int slabs) : done_(std::size_t(slabs)) {}
+    void wait(int slab, int bands, const Control *control) {
+        if (slab < 0) return;
         std::unique_lock<std::mutex> lock(mutex_);
-        while (!reached(band, slices)) {
+        while (done_[std::size_t(slab)] < bands) {
             // Looks up now and then: a thread that was cancelled or failed tells nobody.
             changed_.wait_for(lock, std::chrono::milliseconds(20));
             if ((control && control->cancelled()) || failed_) throw Cancelled();
         }
     }
-    void finish(int band, int slices) {
-        done_[std::size_t(band)].store(slices, std::memory_order_release);
+    void finish(int slab, int bands) {
         const std::lock_guard<std::mutex> lock(mutex_);
+        done_[std::size_t(slab)] = bands;
         changed_.notify_all();
     }
-    void fail() { failed_ = true; }
+    void fail() {
+        const std::lock_guard<std::mutex> lock(mutex_);
+        failed_ = true;
+        changed_.notify_all();
+    }
 
 private:
-    bool reached(int band, int slices) const {
-        return done_[std::size_t(band)].load(std::memory_order_acquire) >= slices;
-    }
-    std::vector<std::atomic<int>> done_;
-    std::atomic<bool> failed_{false};
+    std::vector<int> done_;
+    bool failed_ = false;
     std::mutex mutex_;
     std::condition_variable changed_;
 };
