@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volillum_addon.bake.run import baked_volume
+from volillum_addon.core.lights import Light
 from volillum_addon.core.scene import Scene
 from volillum_addon.models.exact import exact_image
 from volillum_addon.models.image import line_integral
@@ -51,14 +53,17 @@ class FakeRenderer:
         image, _ = line_integral(volume, self.scene.need_camera(), self.width, self.height)
         return (image * 1.001).astype(np.float32)
 
-    def witness(self, operator: Operator, samples: int, seed: int) -> Pixels | None:
+    def witness(
+        self, operator: Operator, samples: int, seed: int, lights: tuple[Light, ...]
+    ) -> Pixels | None:
         """Knows cones about lights, by the exact evaluator with other seeds."""
         if operator.axis != "light":
             return None
         self.calls["witness"] += 1
         found = exact_image(
-            self.scene, "multidirectional_occlusion", self.width, self.height,
-            {"theta": operator.theta}, points=4, directions=8, seed=1000 + seed,
+            replace(self.scene, lights=lights), "multidirectional_occlusion",
+            self.width, self.height, {"theta": operator.theta},
+            points=4, directions=8, seed=1000 + seed,
         )  # fmt: skip
         return self._noisy(found.value, samples, seed)
 

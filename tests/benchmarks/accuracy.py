@@ -54,7 +54,7 @@ def measured(
         begin = time.perf_counter()
         volume = illuminate(scene, model.id, given)
         seconds = time.perf_counter() - begin
-        each = affordable(model.operator_in(scene, model.values(given)), samples)
+        each = affordable(model.equations(scene, model.values(given)), samples)
         return field_error(scene, volume, voxels, each, clamped=clamped), seconds
     except InputError as error:
         return str(error)

@@ -130,6 +130,39 @@ def test_bake_finds_its_own_bakes(made: Path) -> None:
     assert metadata["parameters"]["directions"] == 8
 
 
+def test_each_kind_of_light_may_have_its_own_model(made: Path) -> None:
+    pair = "sun=multidirectional_occlusion,sky=spherical_harmonics"
+    few = ["--set", "sun_directions=8", "--set", "sky_directions=8"]
+    (result,) = session(made, ["bake", "plume.blend", "--model", pair, *few, "-o", "pairs"])
+    assert result.status == 0, result.err
+    metadata = read_metadata(made / result.out.strip())
+    assert metadata["model"] == pair
+    assert metadata["parameters"]["sun_directions"] == 8
+    assert {name.partition("_")[0] for name in metadata["channels"]} == {"sun", "sky"}
+
+
+def test_analyse_says_what_the_scene_needs_and_what_to_bake(made: Path) -> None:
+    first, second = session(
+        made,
+        ["analyse", "plume.blend", "--json", "--error", "50%", "--seconds", "600"],
+        ["analyse", "plume.blend"],
+    )
+    assert (first.status, second.status) == (0, 0), first.err + second.err
+    found = json.loads(first.out)
+    assert {light["kind"] for light in found["scene"]["lights"]} == {"distant", "environment"}
+    assert [each["id"] for each in found["models"]][: len(MODELS)] == list(MODELS)
+    for each in found["models"][: len(MODELS)]:
+        assert each["reason"] or len(each["settings"]) == max(1, len(MODELS[each["id"]].ladder))
+    (answer,) = found["recommendations"]
+    assert (answer["error"], answer["seconds"]) == (0.5, 600)
+    assert answer["answer"]["error"] <= 0.5
+    # In words: every model, what of the scene it leaves out, and an answer to the usual requests.
+    for model in models():
+        assert model.label in second.out
+    assert "ignores environment light" in second.out
+    assert second.out.count("\nfor error up to") == 5
+
+
 BAD_INPUT = {
     # First: the file that is open is Blender's own, with a cube.
     "no volume at all": (["bake", "--model", "spherical_harmonics"], "expected one, or name it"),

@@ -177,7 +177,9 @@ def test_coloured_extinction_varying_albedo_and_emission(tmp_path: Path) -> None
     assert dark.mean() < 0.9 * glowing.mean()
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize(
+    "model", [*MODELS, "sun=multidirectional_occlusion,sky=spherical_harmonics"]
+)
 def test_the_bake_of_every_model(model: str, tmp_path: Path) -> None:
     lights = (DistantLight((1, -1, 1), 2.0, 0.3), SKY)
     camera = perspective() if get(model).lights == {"distant"} else orthographic(2)

@@ -11,7 +11,7 @@ from recording_layout import RecordingLayout
 from volillum_addon.blender import modal, panels
 from volillum_addon.blender.jobs import Job, Work
 from volillum_addon.models.model import Model
-from volillum_addon.models.registry import MODELS, models
+from volillum_addon.models.registry import MODELS, get, models
 
 
 def draw(panel: type, scene: bpy.types.Scene) -> RecordingLayout:
@@ -83,11 +83,13 @@ def test_results_and_their_report_are_shown(scene: bpy.types.Scene) -> None:
     for error, noise, reason in ((0.123, 0.004, ""), (0.001, 0.004, ""), (-1, -1, "no sun")):
         line = settings.results.add()
         line.error, line.noise, line.reason, line.seconds = error, noise, reason, 1.5
+        line.model = "sun=half_angle,sky=spherical_harmonics"
     layout = draw(panels.VOLILLUM_PT_compare, scene)
     labels = layout.labels()
     assert "12.3 ± 0.4 %" in labels
     assert "< 0.4 %" in labels
     assert "no sun" in labels
+    assert get("sun=half_angle,sky=spherical_harmonics").label in labels
     assert "wm.path_open" in layout.operators()
 
 

@@ -14,8 +14,10 @@ from pathlib import Path
 
 from .. import __version__
 from ..core.control import Cancelled
+from ..models.composition import FORM
 from ..models.registry import MODELS
-from . import import_command, scene_presets
+from . import analyse_command, import_command, scene_presets
+from .arguments import model_id, model_ids, positive
 from .describe import as_json, as_markdown, as_text
 from .failures import EXPECTED, one_line
 
@@ -58,6 +60,7 @@ def parser() -> argparse.ArgumentParser:
     import_command.add(commands.add_parser("import", help="turn a volume of any format into a VDB"))
     _add_scene(commands.add_parser("scene", help="make a scene around a volume"))
     _add_bake(commands.add_parser("bake", help="bake one model's illumination into a VDB file"))
+    _add_analyse(commands.add_parser("analyse", help="what a scene needs, and what to bake for it"))
     _add_compare(commands.add_parser("compare", help="measure models against full scattering"))
     _add_demo(commands.add_parser("demo", help="compare all models on the volume that is included"))
     return result
@@ -82,10 +85,10 @@ def _add_bake(command: argparse.ArgumentParser) -> None:
     _add_scene_file(command)
     command.add_argument(
         "--model",
-        choices=tuple(MODELS),
+        type=model_id,
         required=True,
         metavar="ID",
-        help="one of " + ", ".join(MODELS),
+        help="one of " + ", ".join(MODELS) + "; or one for each kind of light: " + FORM,
     )
     command.add_argument(
         "--set",
@@ -105,9 +108,17 @@ def _add_bake(command: argparse.ArgumentParser) -> None:
     command.set_defaults(run=_bake)
 
 
+def _add_analyse(command: argparse.ArgumentParser) -> None:
+    _add_scene_name(command)
+    _add_progress(command)
+    analyse_command.add_arguments(command)
+
+
 def _add_compare(command: argparse.ArgumentParser) -> None:
     _add_scene_file(command)
-    command.add_argument("--models", type=_ids, default=(), metavar="ID,ID", help="default: all")
+    command.add_argument(
+        "--models", type=model_ids, default=(), metavar="ID,ID", help="default: all"
+    )
     _add_thoroughness(command, samples=64, noise=1.0, seconds=120.0, rays=32, width=None)
     command.set_defaults(run=_compare)
 
@@ -119,6 +130,11 @@ def _add_demo(command: argparse.ArgumentParser) -> None:
 
 
 def _add_scene_file(command: argparse.ArgumentParser) -> None:
+    _add_scene_name(command)
+    _add_output(command)
+
+
+def _add_scene_name(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "file",
         type=Path,
@@ -127,14 +143,17 @@ def _add_scene_file(command: argparse.ArgumentParser) -> None:
         help="the open file, when left out inside Blender",
     )
     command.add_argument("--scene", metavar="NAME", help="which scene of the file")
-    _add_output(command)
 
 
 def _add_output(command: argparse.ArgumentParser) -> None:
     command.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
+    _add_progress(command)
+
+
+def _add_progress(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--progress-seconds",
-        type=_positive,
+        type=positive,
         metavar="SECONDS",
         help="print a line of progress this often",
     )
@@ -150,8 +169,8 @@ def _add_thoroughness(
 ) -> None:
     for name, kind, default, metavar, text in (
         ("--samples", _whole, samples, "N", "samples per pixel and seed of a reference"),
-        ("--noise", _positive, noise, "PERCENT", "render references until below this noise"),
-        ("--seconds", _positive, seconds, "BUDGET", "or until this time has gone"),
+        ("--noise", positive, noise, "PERCENT", "render references until below this noise"),
+        ("--seconds", positive, seconds, "BUDGET", "or until this time has gone"),
         ("--rays", _whole, rays, "N", "rays per point of the models' exact images"),
         ("--width", _whole, width, "N", "pixels across"),
     ):
@@ -180,21 +199,6 @@ def _frames(text: str) -> range:
     if not frames:
         raise argparse.ArgumentTypeError(f"{text!r} ends before it begins")
     return frames
-
-
-def _ids(text: str) -> tuple[str, ...]:
-    ids = tuple(part.strip() for part in text.split(","))
-    for each in ids:
-        if each not in MODELS:
-            raise argparse.ArgumentTypeError(f"{each!r} is no model: one of {', '.join(MODELS)}")
-    return ids
-
-
-def _positive(text: str) -> float:
-    value = float(text)
-    if not 0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is not above 0")
-    return value
 
 
 def _whole(text: str) -> int:

@@ -66,7 +66,7 @@ def bake(
     progress_seconds: float | None,
 ) -> str:
     """Bake with the file's own parameters, `given` over them; the baked file's path."""
-    with quiet(), _scene(file, scene_name) as scene:
+    with quiet(), opened(file, scene_name) as scene:
         values = {**properties.model_values(scene.volillum, model), **given}
         reading = work.read(scene)
         begin = time.monotonic()
@@ -91,7 +91,7 @@ def bake_frames(
     progress_seconds: float | None,
 ) -> None:
     """Bake a range of frames as one sequence; a line of JSON for each frame once it is there."""
-    with quiet() as say, _scene(file, scene_name) as scene:
+    with quiet() as say, opened(file, scene_name) as scene:
         values = {**properties.model_values(scene.volillum, model), **given}
         with watched(f"baking {model}", progress_seconds) as control:
             for frame in animation.bake(scene, model, values, frames, directory, control):
@@ -107,7 +107,7 @@ def compare(
     progress_seconds: float | None,
 ) -> str:
     """Compare with the file's own parameters; the closing table and the report's path."""
-    with quiet(), _scene(file, scene_name) as scene:
+    with quiet(), opened(file, scene_name) as scene:
         options = Options(
             name=scene.name,
             samples=thoroughness.samples,
@@ -132,7 +132,7 @@ def demo(thoroughness: Thoroughness, directory: Path, progress_seconds: float | 
 
 
 @contextmanager
-def _scene(file: Path | None, name: str | None) -> Iterator[bpy.types.Scene]:
+def opened(file: Path | None, name: str | None) -> Iterator[bpy.types.Scene]:
     """The scene of the file (opened in this Blender), or of the file that is open; its settings
     are readable even where the extension is not enabled."""
     registered = properties.is_registered()

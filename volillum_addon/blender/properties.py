@@ -9,6 +9,7 @@ import bpy
 
 from ..bake.grids import grid_names
 from ..core.errors import InputError
+from ..models.composition import Composition
 from ..models.model import Value
 from ..models.registry import get, models
 from . import parameters
@@ -56,7 +57,7 @@ class Baked(bpy.types.PropertyGroup):
 
     path: _text("File", "Of a sequence, that of its first frame", subtype="FILE_PATH")
     frames: _still(bpy.props.IntProperty, "Frames", "How many of a sequence; 0: one bake", min=0)
-    model: _model()
+    model: _text("Model", "The id of a model or of a composition")
     seconds: _number("Seconds", unit="TIME_ABSOLUTE")
     found: _still(bpy.props.BoolProperty, "Found on disk")
     notes: _text("Left out")
@@ -68,7 +69,7 @@ class Baked(bpy.types.PropertyGroup):
 class Result(bpy.types.PropertyGroup):
     """One model's line of the last comparison."""
 
-    model: _model()
+    model: _text("Model", "The id of a model or of a composition")
     seconds: _number("Seconds", default=NOT_MEASURED)
     error: _number("Total error", default=NOT_MEASURED)
     noise: _number("Noise of the error", default=NOT_MEASURED)
@@ -170,8 +171,14 @@ CLASSES = (*parameters.GROUPS.values(), Baked, Result, Settings)
 
 
 def model_values(settings: Any, model: str) -> dict[str, Value]:
-    """The parameters of a model as they are set in the scene."""
-    return parameters.values(getattr(settings, model), get(model))
+    """The parameters of a model as they are set in the scene; a composition has its models'."""
+    chosen = get(model)
+    if not isinstance(chosen, Composition):
+        return parameters.values(getattr(settings, model), chosen)
+    found: dict[str, Value] = {}
+    for part in chosen.parts:
+        found |= part.named(model_values(settings, part.model.id))
+    return found
 
 
 def all_values(settings: Any) -> dict[str, dict[str, Value]]:

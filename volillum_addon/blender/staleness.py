@@ -65,7 +65,7 @@ def changes(scene: bpy.types.Scene, volume: bpy.types.Object | None) -> tuple[st
         return ("the baked file is gone",)
     if volume is None:
         return ("the volume is gone",)
-    model = get(baked.model)
+    model = get(metadata["model"])
     now, before = source(settings, volume), json.loads(baked.source or "{}")
     parts = (STILL,) if baked.frames else now
     return (

@@ -15,10 +15,9 @@ from ..bake.hashing import KERNEL_REVISION
 from ..bake.run import Plan, baked_volume, plan_bake
 from ..core.control import Control
 from ..models.equation import cost
-from ..models.exact import exact_image
+from ..models.exact import SEEDS, exact_image
 from ..models.image import line_integral
-from ..models.model import Model, Values
-from ..models.operator import Operator
+from ..models.model import Equation, Model, Values
 from ..models.registry import get
 from .cache import key_of, load, store
 from .errors import field_error, image_of
@@ -184,15 +183,13 @@ def exact(
 ) -> Image:
     """The image of the model's exact solution; `clamped` False leaves out the clamp at 0."""
     options = bench.options
-    operator = model.operator_in(bench.renderer.scene, values)
-    directions = affordable(operator, options.directions)
+    equations = model.equations(bench.renderer.scene, values)
+    directions = affordable(equations, options.directions)
     quality = {"points": options.points, "directions": directions, "seed": options.seed}
     # Where the model has no clamp, the image without it is the same one and is found again; so is
     # that of another algorithm or another cost for the same equation.
-    clamped = clamped or not operator.clamped
-    path = bench.part(
-        "exact", operator=repr(operator), lights=sorted(model.lights), clamped=clamped, **quality
-    )
+    clamped = clamped or not any(each.operator.clamped for each in equations)
+    path = bench.part("exact", equations=_described(equations), clamped=clamped, **quality)
     held = load(path)
     if held is None:
         image = image_of(
@@ -216,8 +213,8 @@ def exact(
 def field(bench: Bench, baked: Bake, control: Control) -> Figure:
     """The numerical error of the baked field at camera-visible voxels."""
     options = bench.options
-    operator = get(baked.plan.model).operator_in(bench.renderer.scene, baked.plan.values)
-    directions = affordable(operator, options.voxel_directions)
+    equations = get(baked.plan.model).equations(bench.renderer.scene, baked.plan.values)
+    directions = affordable(equations, options.voxel_directions)
     path = bench.part(
         "field", bake=baked.plan.hash, voxels=options.voxels, directions=directions,
         seed=options.seed,
@@ -249,16 +246,23 @@ def witness(
 ) -> Agreement | None:
     """Whether the renderer's own solution of the model's equation agrees with the exact image;
     None where it has none. A witness does not clamp, so the exact image is taken without."""
-    operator = model.operator_in(bench.renderer.scene, values)
+    equations = model.equations(bench.renderer.scene, values)
     stopping = bench.stopping(0.25)
 
     def draw(seed: int) -> Pixels:
-        pixels = bench.renderer.witness(operator, stopping.samples, seed)
-        if pixels is None:
+        total: Pixels | None = None
+        for index, each in enumerate(equations):
+            pixels = bench.renderer.witness(
+                each.operator, stopping.samples, seed + SEEDS * index, each.scene.lights
+            )
+            if pixels is None:
+                raise NoWitnessError
+            total = pixels if total is None else total + pixels
+        if total is None:
             raise NoWitnessError
-        return pixels
+        return total
 
-    path = bench.part("witness", operator=repr(operator), samples=stopping.samples)
+    path = bench.part("witness", equations=_described(equations), samples=stopping.samples)
     try:
         tally = gather(path, draw, stopping, mask, control, report)
     except NoWitnessError:
@@ -267,9 +271,16 @@ def witness(
     return agreement(truth, tally.image(), mask)
 
 
-def affordable(operator: Operator, wanted: int) -> int:
-    """Samples of this equation that take about as long as `wanted` rays of visibility."""
-    return max(1, wanted // cost(operator))
+def affordable(equations: tuple[Equation, ...], wanted: int) -> int:
+    """Samples of these equations that take about as long as `wanted` rays of visibility."""
+    return max(1, wanted // max(cost(each.operator) for each in equations))
+
+
+def _described(equations: tuple[Equation, ...]) -> list[object]:
+    """What an exact image depends on beside the renderer's identity."""
+    return [
+        [repr(each.operator), [light.kind for light in each.scene.lights]] for each in equations
+    ]
 
 
 def _timing(seconds: NDArray[np.float64]) -> Timing:

@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.lights import Light
 from ..core.scene import Scene
 from ..models.operator import Operator
 
@@ -40,9 +41,11 @@ class Renderer(Protocol):
         """The baked illumination through the display material, `samples` in each of a pixel's
         subpixels x subpixels parts."""
 
-    def witness(self, operator: Operator, samples: int, seed: int) -> Pixels | None:
-        """An image whose expectation solves the operator's equation, where the renderer's own
-        physics can do so; None elsewhere."""
+    def witness(
+        self, operator: Operator, samples: int, seed: int, lights: tuple[Light, ...]
+    ) -> Pixels | None:
+        """An image whose expectation solves the operator's equation for these of the scene's
+        lights, where the renderer's own physics can do so; None elsewhere."""
 
     def identity(self) -> dict[str, object]:
         """All that the images depend on, as JSON values: versions, settings, medium, lights,

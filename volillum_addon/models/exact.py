@@ -27,11 +27,14 @@ from ..core.native import native
 from ..core.scene import Scene
 from .equation import native_equation
 from .illuminate import VOID_MARGIN
+from .model import Equation
 from .operator import gather_terms
 from .registry import get
 
 # Independent randomisations behind every standard error.
 REPLICATES = 8
+# Between the seeds of the equations of one model, so that their errors are independent.
+SEEDS = 1_000_003
 # More than this share of the light's paths given up is an error; less is told in the estimate.
 MOST_NEGLECTED = 0.01
 
@@ -51,7 +54,7 @@ class Estimate:
 
 def exact(
     scene: Scene,
-    model: str,
+    model: str | Mapping[str, str],
     points: ArrayLike,
     samples: int = 4096,
     seed: int = 0,
@@ -76,11 +79,28 @@ def exact(
     if where.ndim != 2 or where.shape[1] != 3:
         raise bad("points' shape", where.shape, "(n, 3)")
     chosen = get(model)
-    operator = chosen.operator_in(scene, chosen.values(parameters))
     chosen.check(scene)
-    trimmed = scene.trimmed(VOID_MARGIN)
-    medium, lights = trimmed.medium, chosen.represented(trimmed)
-    equation = native_equation(operator, medium, lights)
+    equations = chosen.equations(scene, chosen.values(parameters))
+    return _sum(
+        [
+            _in_scattered(equation, where, samples, seed + SEEDS * index, control, view, clamped)
+            for index, equation in enumerate(equations)
+        ]
+    )
+
+
+def _in_scattered(
+    equation: Equation,
+    where: NDArray[np.float64],
+    samples: int,
+    seed: int,
+    control: Control | None,
+    view: ArrayLike | None,
+    clamped: bool,
+) -> Estimate:
+    operator, trimmed = equation.operator, equation.scene.trimmed(VOID_MARGIN)
+    medium, lights = trimmed.medium, trimmed.lights
+    rows = native_equation(operator, medium, lights)
     return _estimate(
         *native.exact_in_scattered(
             medium.sigma_t.planes(),
@@ -89,8 +109,8 @@ def exact(
             [term.native() for term in gather_terms(operator, trimmed, lights)],
             sigma_s=medium.sigma_s.planes(),
             emission=_emission(medium, operator.gathers_emission),
-            equation=equation,
-            view=_views(scene, where, view) if equation.get("g", 0.0) != 0 else None,
+            equation=rows,
+            view=_views(trimmed, where, view) if rows.get("g", 0.0) != 0 else None,
             radius=operator.radius,
             directions=samples,
             replicates=REPLICATES,
@@ -103,7 +123,7 @@ def exact(
 
 def exact_image(
     scene: Scene,
-    model: str,
+    model: str | Mapping[str, str],
     width: int,
     height: int,
     parameters: Mapping[str, object] | None = None,
@@ -119,11 +139,30 @@ def exact_image(
     `clamped` False leaves negative in-scattered radiance negative where the model clamps it at 0.
     """
     chosen = get(model)
-    operator = chosen.operator_in(scene, chosen.values(parameters or {}))
     chosen.check(scene)
-    trimmed = scene.trimmed(VOID_MARGIN)
-    medium = trimmed.medium
-    lights = chosen.represented(trimmed)
+    equations = chosen.equations(scene, chosen.values(parameters or {}))
+    return _sum(
+        [
+            _image(
+                equation, width, height, points, directions, seed + SEEDS * index, control, clamped
+            )
+            for index, equation in enumerate(equations)
+        ]
+    )
+
+
+def _image(
+    equation: Equation,
+    width: int,
+    height: int,
+    points: int,
+    directions: int,
+    seed: int,
+    control: Control | None,
+    clamped: bool,
+) -> Estimate:
+    operator, trimmed = equation.operator, equation.scene.trimmed(VOID_MARGIN)
+    medium, lights = trimmed.medium, trimmed.lights
     if operator.gathers_emission and not operator.image_emission:
         raise bad("the operator's emission", "gathered but not in the image", "both or neither")
     return _estimate(
@@ -133,7 +172,7 @@ def exact_image(
             _emission(medium, operator.image_emission),
             medium.sigma_t.index_to_world,
             [term.native() for term in gather_terms(operator, trimmed, lights)],
-            scene.need_camera().rays(width, height),
+            trimmed.need_camera().rays(width, height),
             width,
             height,
             equation=native_equation(operator, medium, lights),
@@ -145,6 +184,17 @@ def exact_image(
             clamp=operator.clamped and clamped,
             control=control.native if control else None,
         )
+    )
+
+
+def _sum(estimates: list[Estimate]) -> Estimate:
+    """The sum of independent estimates."""
+    if len(estimates) == 1:
+        return estimates[0]
+    return Estimate(
+        np.sum([each.value for each in estimates], axis=0),
+        np.sqrt(np.sum([each.standard_error**2 for each in estimates], axis=0)),
+        max(each.neglected for each in estimates),
     )
 
 

@@ -20,11 +20,12 @@ VOID_MARGIN = 2
 
 def illuminate(
     scene: Scene,
-    model: str,
+    model: str | Mapping[str, str],
     parameters: Mapping[str, object] | None = None,
     control: Control | None = None,
 ) -> IlluminationVolume:
-    """The model's illumination of the scene, in memory.
+    """The model's illumination of the scene, in memory; `model` is an id, or one for each kind of
+    light: {"sun": ID, "sky": ID}.
 
     The volume's lattice is the box of the medium's matter grown by VOID_MARGIN voxels. Raises
     InputError for bad input or a scene that the model cannot serve, Cancelled when `control` says
@@ -38,7 +39,7 @@ def illuminate(
     begin = time.perf_counter()
     channels = chosen.solve(trimmed, chosen.resolved(trimmed, values), control)
     seconds = time.perf_counter() - begin
-    return assembled(trimmed, model, values, channels, seconds)
+    return assembled(trimmed, chosen.id, values, channels, seconds)
 
 
 def assembled(
@@ -52,7 +53,7 @@ def assembled(
         medium=scene.medium,
         channels=channels,
         radiance=chosen.radiance(chosen.represented(scene), scene.medium, values),
-        image_emission=chosen.operator(values).image_emission,
+        image_emission=chosen.shows_emission(values),
         notes=left_out(scene, model),
     )
     return replace(
@@ -63,7 +64,10 @@ def assembled(
 
 
 def bake(
-    scene: Scene, model: str, control: Control | None = None, **parameters: object
+    scene: Scene,
+    model: str | Mapping[str, str],
+    control: Control | None = None,
+    **parameters: object,
 ) -> IlluminationVolume:
     """`illuminate` with the parameters as keywords: bake(scene, "half_angle", theta=0.5)."""
     return illuminate(scene, model, parameters, control)
@@ -83,8 +87,8 @@ def left_out(scene: Scene, model: str) -> tuple[str, ...]:
     absent = sorted({light.kind for light in scene.lights if light.kind not in chosen.lights})
     if absent:
         notes.append(f"{chosen.label} leaves out lights of the kinds: {', '.join(absent)}")
-    if scene.medium.emission is not None and not chosen.operator(chosen.values({})).image_emission:
+    if scene.medium.emission is not None and not chosen.shows_emission(chosen.values({})):
         notes.append(f"{chosen.label} leaves out the medium's own emission")
-    if scene.medium.g != 0 and chosen.operator(chosen.values({})).lobe != "phase":
+    if scene.medium.g != 0 and not chosen.knows_phase():
         notes.append(f"{chosen.label} scatters isotropically; the medium has g = {scene.medium.g}")
     return tuple(notes)

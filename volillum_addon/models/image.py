@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from ..core.camera import Camera
 from ..core.control import Control
+from ..core.grid import Grid
 from ..core.native import native
 from .volume import IlluminationVolume
 
@@ -30,7 +31,7 @@ def line_integral(
     radiance, transmittance = native.line_integral(
         medium.sigma_t.planes(),
         medium.sigma_s.planes(),
-        emission.planes() if emission is not None else None,
+        None if emission is None else _three(emission),
         medium.sigma_t.index_to_world,
         planes,
         terms,
@@ -42,3 +43,9 @@ def line_integral(
         control=control.native if control else None,
     )
     return radiance, transmittance
+
+
+def _three(grid: Grid) -> NDArray[np.float32]:
+    """RGB planes, also of a grid of one channel."""
+    planes = grid.planes()
+    return np.ascontiguousarray(np.broadcast_to(planes, (3, *planes.shape[1:])))

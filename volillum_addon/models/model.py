@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from ..core.control import Control
@@ -54,6 +54,14 @@ class Need:
     reason: str
 
 
+@dataclass(frozen=True, eq=False)
+class Equation:
+    """An operator and the scene that it is solved in, whose lights are all its own."""
+
+    operator: Operator
+    scene: Scene
+
+
 @dataclass(frozen=True)
 class Model:
     """One illumination model. See docs/add-a-model.md for what a new one has to bring.
@@ -100,6 +108,19 @@ class Model:
     def operator_in(self, scene: Scene, values: Values) -> Operator:
         """The model's equation in this scene."""
         return self.operator(self.resolved(scene, values))
+
+    def equations(self, scene: Scene, values: Values) -> tuple[Equation, ...]:
+        """What the model solves in this scene; its solution is the sum of theirs."""
+        own = replace(scene, lights=self.represented(scene))
+        return (Equation(self.operator_in(scene, values), own),)
+
+    def shows_emission(self, values: Values) -> bool:
+        """Whether the medium's own emission enters the image."""
+        return self.operator(values).image_emission
+
+    def knows_phase(self) -> bool:
+        """Whether light scatters by the medium's phase function."""
+        return self.operator(self.values({})).lobe == "phase"
 
     def represented(self, scene: Scene) -> tuple[Light, ...]:
         """The scene's lights that the model's equation has; the others stay out of its bake."""

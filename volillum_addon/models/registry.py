@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from ..core.errors import bad
 from . import (
     ambient_occlusion,
@@ -12,6 +14,7 @@ from . import (
     shadow_propagation,
     spherical_harmonics,
 )
+from .composition import compose, parsed
 from .model import Model
 
 MODELS: dict[str, Model] = {
@@ -33,8 +36,15 @@ def models() -> tuple[Model, ...]:
     return tuple(MODELS.values())
 
 
-def get(model: str) -> Model:
-    """The model of this id, or an InputError that lists the known ones."""
+def get(model: str | Mapping[str, str]) -> Model:
+    """The model of this id, or an InputError that lists the known ones.
+
+    `sun=ID,sky=ID`, or the same as a mapping, is the composition of these (models/composition.py).
+    """
+    if not isinstance(model, str):
+        return compose(model, MODELS)
+    if "=" in model:
+        return compose(parsed(model), MODELS)
     if model not in MODELS:
         raise bad("model", repr(model), "one of " + ", ".join(MODELS))
     return MODELS[model]
