@@ -74,7 +74,7 @@ def _add_models(command: argparse.ArgumentParser) -> None:
 
 
 def _add_scene(command: argparse.ArgumentParser) -> None:
-    command.add_argument("volume", type=Path, metavar="VOLUME.vdb")
+    import_command.add_lit_volume(command)
     presets = scene_presets.names()
     command.add_argument("--preset", choices=presets, default="default", help="light and camera")
     command.add_argument("-o", "--output", type=Path, required=True, metavar="OUT.blend")
@@ -223,7 +223,8 @@ def _models(options: argparse.Namespace) -> None:
 def _make_scene(options: argparse.Namespace) -> None:
     from . import commands
 
-    print(commands.make_scene(options.volume, options.preset, options.output))
+    volume = import_command.lit_volume(options, options.output.parent)
+    print(commands.make_scene(volume, options.preset, options.output))
 
 
 def _bake(options: argparse.Namespace) -> None:

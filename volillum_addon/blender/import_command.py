@@ -6,9 +6,11 @@ import argparse
 import sys
 from pathlib import Path
 
+from ..readers import transfer_presets
 from ..readers.formats import FORMATS, import_volume
 from ..readers.gather import MOST_LEVEL
 from ..readers.imported import About
+from ..readers.medium_file import lit_file
 from ..readers.raw import BYTE_ORDERS, TYPES, from_json
 from ..readers.source import Options, RawLayout
 from .terminal import watched
@@ -43,6 +45,25 @@ def add_reading(command: argparse.ArgumentParser) -> None:
     raw.add_argument("--byte-order", choices=tuple(BYTE_ORDERS), default="little")
     raw.add_argument("--offset", type=int, default=0, metavar="BYTES", help="before the voxels")
     raw.add_argument("--spacing", metavar="X,Y,Z", help="voxel sizes (default: 1,1,1)")
+
+
+def add_lit_volume(command: argparse.ArgumentParser) -> None:
+    """A volume of any format to light, and how it is seen."""
+    command.add_argument("volume", type=Path, metavar="VOLUME", help="a .vdb, or any other format")
+    command.add_argument(
+        "--transfer",
+        choices=transfer_presets.names(),
+        help="how values become matter (a .vdb is taken as it is without, others by their kind)",
+    )
+    add_reading(command)
+
+
+def lit_volume(options: argparse.Namespace, directory: Path) -> Path:
+    """The VDB file to light, made in `directory` where need be."""
+    with watched(f"reading {options.volume.name}") as control:
+        return lit_file(
+            options.volume, options.transfer, directory, options.level, reading(options), control
+        )
 
 
 def reading(options: argparse.Namespace) -> Options:

@@ -12,10 +12,11 @@ type Term = bpy.types.NodeSocket | float | Sequence[float]
 
 
 class Tree:
-    """An emptied node tree that is filled by expressions."""
+    """An emptied node tree that is filled by expressions; `keep`: what it has stays."""
 
-    def __init__(self, tree: bpy.types.NodeTree) -> None:
-        tree.nodes.clear()
+    def __init__(self, tree: bpy.types.NodeTree, keep: bool = False) -> None:
+        if not keep:
+            tree.nodes.clear()
         self.tree = tree
         self._attributes: dict[str, bpy.types.Node] = {}
         self._positive: dict[str, bpy.types.NodeSocket] = {}

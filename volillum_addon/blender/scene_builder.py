@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from ..bake.grids import grid_names, read_grid
 from ..core.errors import InputError, bad
 from ..core.grid import Grid
+from ..readers.medium_file import is_medium
+from .medium_builder import medium_material
 from .scene_presets import Axis, ScenePreset
 
 # Voxels below this share of the largest value are haze that the camera need not frame.
@@ -52,7 +54,7 @@ def build_scene(scene: bpy.types.Scene, volume: Path, grid: Grid, preset: SceneP
     name = volume.stem
     upright = _upright(preset.up)
     scene.name = name
-    material = _material(name, grid, preset)
+    material = medium_material(name) if is_medium(volume) else _material(name, grid, preset)
     data = bpy.data.volumes.new(name)
     data.filepath = str(volume.absolute())
     data.materials.append(material)

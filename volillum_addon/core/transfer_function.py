@@ -19,8 +19,8 @@ class TransferFunction:
     """Piecewise linear maps of a data value to relative density and to albedo.
 
     `values` [n] ascend strictly, in the data's own unit; `density` [n] is relative to `per_voxel`,
-    the optical depth of one voxel (of the grid's mean edge length) of density 1; `albedo` [n, 3]
-    is RGB in 0 to 1. Values beyond the ends take the ends' density and albedo. It is applied to
+    the optical depth of one voxel (of the grid's mean edge length) of density 1, or with `physical`
+    to an extinction of `per_voxel` per unit of length; `albedo` [n, 3] is RGB in 0 to 1. Values beyond the ends take the ends' density and albedo. It is applied to
     voxel values: the medium is the interpolant of what comes out.
 
     Raises InputError for points that do not ascend or are out of range.
@@ -32,6 +32,7 @@ class TransferFunction:
     per_voxel: float
     unit: str = ""
     summary: str = ""
+    physical: bool = False
 
     def __post_init__(self) -> None:
         values = np.asarray(self.values, np.float64)
@@ -68,7 +69,19 @@ class TransferFunction:
             per_voxel=entry["per_voxel"],
             unit=entry.get("unit", ""),
             summary=entry.get("summary", ""),
+            physical=bool(entry.get("physical", False)),
         )
+
+    def as_json(self) -> dict[str, Any]:
+        """What `from_json` reads."""
+        columns = [self.values, self.density, *np.transpose(self.albedo)]
+        return {
+            "summary": self.summary,
+            "unit": self.unit,
+            "per_voxel": self.per_voxel,
+            "physical": self.physical,
+            "points": np.transpose(columns).tolist(),
+        }
 
     def densities(self, data: NDArray[np.float32]) -> NDArray[np.float32]:
         """Relative density of data values, same shape."""
@@ -82,7 +95,7 @@ class TransferFunction:
 
     def per_length(self, data: Grid) -> float:
         """Extinction of density 1 on this grid, per world unit."""
-        return self.per_voxel / float(data.voxel_size.mean())
+        return self.per_voxel / (1.0 if self.physical else float(data.voxel_size.mean()))
 
     def medium(self, data: Grid) -> Medium:
         """The medium of a scalar grid: extinction grey, albedo by value."""

@@ -15,7 +15,7 @@ from ..core.control import Control
 from ..core.errors import InputError, bad
 from ..core.grid import Grid
 from .gather import gather
-from .imported import About, write_imported
+from .imported import BINS, About, write_imported
 from .source import Options, Source, file_size
 from .text_header import head
 
@@ -94,6 +94,14 @@ def _folder_format(folder: Path) -> str:
     return "tiff" if 2 * tiffs > len(suffixes) else "dicom"
 
 
+def stem_of(path: Path) -> str:
+    """The name of a volume's file without what says its format: `ct` of ct.nii.gz."""
+    name = path.name
+    matches = [suffix for suffix in SUFFIXES if name.lower().endswith(suffix)]
+    longest = max(map(len, matches), default=0)
+    return name[: len(name) - longest] if longest and longest < len(name) else path.stem
+
+
 def open_volume(path: Path | str, options: Options | None = None) -> Source:
     """What the file holds, without its voxels. Raises InputError."""
     where = Path(path)
@@ -132,6 +140,7 @@ def read_volume(
         space=source.space,
         level=level,
         notes=notes,
+        histogram=tuple(np.histogram(grid.values, BINS, (low, high))[0].tolist()),
     )
     return grid, about
 

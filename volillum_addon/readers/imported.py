@@ -27,13 +27,15 @@ from .source import library
 ENTRY = "volillum_volume"
 GRID = "density"
 FORMAT = 1
+# Intervals of the histogram.
+BINS = 256
 
 
 @dataclass(frozen=True)
 class About:
     """What is known of an imported volume: see `Source`. `low` and `high` are the least and the
     greatest value of the grid, `stored` the type of the file's numbers, `level` the level of detail
-    that was read."""
+    that was read, `histogram` the numbers of voxels in equal intervals from `low` to `high`."""
 
     source: str
     format: str
@@ -47,6 +49,16 @@ class About:
     space: str = ""
     level: int = 0
     notes: tuple[str, ...] = ()
+    histogram: tuple[int, ...] = ()
+
+    def quantile(self, share: float) -> float:
+        """The value below which this share of the voxels above `low`'s own interval lies."""
+        counts = np.array(self.histogram[1:], np.float64)
+        if not counts.sum():
+            return self.high
+        width = (self.high - self.low) / len(self.histogram)
+        interval = int(np.searchsorted(np.cumsum(counts), share * counts.sum()))
+        return self.low + width * (interval + 2)
 
 
 def write_imported(grid: Grid, about: About, target: Path, control: Control | None = None) -> None:
@@ -106,6 +118,7 @@ def _about(entry: Mapping[str, Any], path: Path) -> About:
     try:
         values = {each.name: entry[each.name] for each in fields(About)}
         shape = tuple(int(n) for n in values["shape"])
-        return About(**{**values, "shape": shape, "notes": tuple(values["notes"])})
+        tuples = {name: tuple(values[name]) for name in ("notes", "histogram")}
+        return About(**{**values, "shape": shape, **tuples})
     except (KeyError, TypeError, ValueError):
         raise bad(f"{path}'s metadata", "incomplete", "an import of this version") from None

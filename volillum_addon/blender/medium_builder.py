@@ -1,0 +1,35 @@
+"""The material of a volume that was seen through a transfer function."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..readers.medium_file import ABSORPTION, SCATTERING
+from .nodes import Tree
+
+
+def medium_material(name: str) -> bpy.types.Material:
+    """A new material that renders the coefficients of such a file as they are."""
+    material = bpy.data.materials.new(name)
+    show_medium(material)
+    return material
+
+
+def show_medium(material: bpy.types.Material) -> None:
+    """Make the material's volume shader read the coefficients; other nodes stay."""
+    nodes = material.node_tree.nodes
+    for node in [node for node in nodes if node.bl_idname in SHADER_NODES]:
+        nodes.remove(node)
+    tree = Tree(material.node_tree, keep=True)
+    output = tree.node("ShaderNodeOutputMaterial")
+    volume = tree.node("ShaderNodeVolumeCoefficients")
+    tree.feed(volume.inputs["Scatter Coefficients"], tree.attribute(SCATTERING))
+    tree.feed(volume.inputs["Absorption Coefficients"], tree.attribute(ABSORPTION))
+    tree.feed(volume.inputs["Emission Coefficients"], (0, 0, 0))
+    tree.tree.links.new(volume.outputs["Volume"], output.inputs["Volume"])
+
+
+SHADER_NODES = {
+    "ShaderNodeOutputMaterial", "ShaderNodeVolumeCoefficients", "ShaderNodeAttribute",
+    "ShaderNodeVolumePrincipled", "ShaderNodeBsdfPrincipled",
+}  # fmt: skip
