@@ -26,6 +26,8 @@ from volillum_addon.readers.formats import format_of, import_volume, read_volume
 VALUES = (np.arange(4 * 5 * 6, dtype=np.int16) * 7).reshape((6, 5, 4))
 # Nothing here needs more than this many bytes of voxels; a header that lies must not either.
 MOST_BYTES = 64e6
+# Nor may OpenVDB, whose memory Python does not see, take what the machine has.
+MOST_ADDRESSES = 16 << 30
 
 
 def itk(name: str, compressed: bool = False) -> Callable[[Path], Path]:
@@ -143,7 +145,8 @@ MAKERS: dict[str, Callable[[Path], Path]] = {
 def _bounded() -> Iterator[None]:
     """An allocation of terabytes fails here instead of succeeding on paper."""
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
-    resource.setrlimit(resource.RLIMIT_AS, (64 << 30, hard))
+    most = MOST_ADDRESSES if hard == resource.RLIM_INFINITY else min(hard, MOST_ADDRESSES)
+    resource.setrlimit(resource.RLIMIT_AS, (most, hard))
     yield
     resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 

@@ -89,7 +89,8 @@ def _open(path: Path) -> BinaryIO:
 
 
 def _exactly(file: BinaryIO, count: int, path: Path) -> bytes:
-    data = file.read(count)
+    # No more than there is: reading allocates first, and a damaged length may be anything.
+    data = file.read(min(count, max(os.fstat(file.fileno()).st_size - file.tell(), 0)))
     if len(data) != count:
         if file.tell() < struct.calcsize("<q"):
             raise bad(f"{path}", "not a VDB file", "an OpenVDB file (.vdb)")

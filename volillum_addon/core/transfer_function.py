@@ -20,8 +20,9 @@ class TransferFunction:
 
     `values` [n] ascend strictly, in the data's own unit; `density` [n] is relative to `per_voxel`,
     the optical depth of one voxel (of the grid's mean edge length) of density 1, or with `physical`
-    to an extinction of `per_voxel` per unit of length; `albedo` [n, 3] is RGB in 0 to 1. Values beyond the ends take the ends' density and albedo. It is applied to
-    voxel values: the medium is the interpolant of what comes out.
+    to an extinction of `per_voxel` per unit of length; `albedo` [n, 3] is RGB in 0 to 1. Values
+    beyond the ends take the ends' density and albedo. It is applied to voxel values: the medium is
+    the interpolant of what comes out.
 
     Raises InputError for points that do not ascend or are out of range.
     """

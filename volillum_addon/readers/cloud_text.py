@@ -40,7 +40,9 @@ def read(path: Path, _options: Options) -> Source:
     dx, dy = (KM * n for n in numbers(first[1], float, 2, "its dx, dy (line 3)", path))
     levels = KM * np.array(numbers(first[2], float, nz, "its levels (line 4)", path))
     steps = np.diff(levels) if nz > 1 else np.ones(1)
-    if not np.all(np.abs(steps - steps.mean()) <= EVEN * abs(steps.mean())):
+    with np.errstate(over="ignore", invalid="ignore"):
+        even = np.all(np.abs(steps - steps.mean()) <= EVEN * abs(steps.mean()))
+    if not even:
         raise bad(
             "its levels", f"{steps.min():g} to {steps.max():g} m apart", "even ones", str(path)
         )
@@ -62,7 +64,8 @@ def read(path: Path, _options: Options) -> Source:
                       str(path))  # fmt: skip
     values = np.zeros((nx, ny, nz), np.float32)
     # Water of 1e6 g/m^3 and radii in micrometres: the powers of ten cancel.
-    values[tuple(index.astype(int).T)] = 1.5 * lwc / radius
+    with np.errstate(over="ignore"):  # what is infinite is refused with its place
+        values[tuple(index.astype(int).T)] = 1.5 * lwc / radius
     matrix = np.diag([dx, dy, float(steps.mean()), 1.0])
     matrix[2, 3] = levels[0]
     return Source(path, "cloud table", (nx, ny, nz), matrix, np.dtype(np.float32), sliced(values),

@@ -8,6 +8,7 @@ far it goes.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..bake import layout
-from ..bake.grids import check_readable, to_vdb, transform_of, values_of
+from ..bake.grids import MOST_VOXELS, check_readable, to_vdb, transform_of, values_of
 from ..bake.openvdb_module import openvdb
 from ..bake.store import complain, replacing
 from ..core.control import Control
@@ -119,6 +120,10 @@ def _about(entry: Mapping[str, Any], path: Path) -> About:
         values = {each.name: entry[each.name] for each in fields(About)}
         shape = tuple(int(n) for n in values["shape"])
         tuples = {name: tuple(values[name]) for name in ("notes", "histogram")}
-        return About(**{**values, "shape": shape, **tuples})
+        about = About(**{**values, "shape": shape, **tuples})
+        # Every voxel has been counted: a damaged shape must not claim more of them.
+        if len(shape) == 3 and sum(about.histogram) == math.prod(shape) <= MOST_VOXELS:
+            return about
     except (KeyError, TypeError, ValueError):
-        raise bad(f"{path}'s metadata", "incomplete", "an import of this version") from None
+        pass
+    raise bad(f"{path}'s metadata", "damaged", "an import of this version")
