@@ -7,22 +7,26 @@
 Baked in-scattered radiance at the models' default settings against `exact`, at camera-visible
 voxels (tests/volumes.py has the scenes and transfer functions); relative RMS over all colours, with
 the standard error of the choice of voxels and of the judge. A second table walks up each model's
-ladder of settings. Needs VOLILLUM_DATA.
+ladder of settings, and is drawn beside the page (images/accuracy_trade_off.svg); a third has the
+coefficients of models that store some, one by one. Needs VOLILLUM_DATA.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+import matplotlib
 import volumes
+from matplotlib.figure import Figure as Drawing
 
-from volillum_addon.compare.errors import field_error
+from volillum_addon.compare.errors import coefficient_errors, field_error
 from volillum_addon.compare.measure import affordable
 from volillum_addon.compare.metrics import Figure
 from volillum_addon.core.errors import InputError
@@ -36,8 +40,27 @@ Baked in-scattered radiance against the exact solution of the model's own equati
 over {voxels} camera-visible voxels, in percent, +- its standard error; "<" where nothing was seen
 above the noise. `make accuracy` writes this page. The scenes are in `tests/volumes.py`: a sun of
 10 degrees and a faint sky, transfer functions of `presets/transfer_functions`. Seconds are those of
-one bake in a warm process.
+one bake in a warm process on {machine}.
 """
+TRADE_OFF = """
+## What the settings trade
+
+Each model's ladder of settings, from fast to accurate, after its defaults. The defaults are where
+the curves bend: more directions or a longer near field cost more than they bring there.
+
+![Error against time of every model's settings](images/accuracy_trade_off.svg)
+"""
+COEFFICIENTS = """
+## Coefficients
+
+What is stored against the exact V_lm = integral of T Y_lm, at the same voxels, in percent: all
+coefficients together relative to all of them, then each one (l, m) relative to itself. That only
+the bands 0 to 3 are there is no part of these figures: truncation is the model's error.
+"""
+DRAWING = "images/accuracy_trade_off.svg"
+
+# One point of a curve: seconds, the error's figure, and whether it is the default settings'.
+Point = tuple[float, Figure, bool]
 
 
 def measured(
@@ -60,18 +83,72 @@ def measured(
         return str(error)
 
 
+def percent(figure: Figure) -> str:
+    """An error in percent with its noise, or its bound."""
+    if figure.is_bound:
+        return f"< {100 * figure.relative_rmse:.2g}"
+    return f"{100 * figure.relative_rmse:.2g} +- {100 * figure.noise:.1g}"
+
+
 def shown(result: tuple[Figure, float] | str) -> str:
     """A cell of the table."""
     if isinstance(result, str):
         return f"refused: {result}"
-    figure, seconds = result
-    if figure.is_bound:
-        return f"< {100 * figure.relative_rmse:.2g} ({seconds:.2f} s)"
-    return f"{100 * figure.relative_rmse:.2g} +- {100 * figure.noise:.1g} ({seconds:.2f} s)"
+    return f"{percent(result[0])} ({result[1]:.2f} s)"
 
 
 def row(*cells: str) -> str:
     return "| " + " | ".join(cells) + " |"
+
+
+def in_words(given: Mapping[str, Value]) -> str:
+    """Settings as they stand in a table."""
+    return ", ".join(
+        f"{name} {value:g}" if isinstance(value, float | int) else f"{name} {value}"
+        for name, value in given.items()
+    )
+
+
+def coefficient_rows(
+    model: Model, given: Mapping[str, Value], names: list[str], voxels: int, samples: int
+) -> Iterator[str]:
+    """The errors of the stored coefficients: together, and one a row."""
+    columns = []
+    for name in names:
+        scene = volumes.scene(name)
+        volume = illuminate(scene, model.id, given)
+        together, each = coefficient_errors(scene, volume, voxels, samples)
+        columns.append([together, *each])
+    orders = [f"({degree}, {m})" for degree in range(4) for m in range(-degree, degree + 1)]
+    for label, *figures in zip(["all", *orders], *columns, strict=False):
+        yield row(label, *(percent(figure) for figure in figures))
+
+
+def draw(curves: Mapping[str, Mapping[str, list[Point]]], path: Path) -> None:
+    """Error against seconds, one field a model and one curve a volume; defaults are filled."""
+    matplotlib.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "volillum"})
+    shown = {label: curve for label, curve in curves.items() if any(map(len, curve.values()))}
+    height = (len(shown) + 2) // 3
+    drawing = Drawing(figsize=(11, 3.2 * height), layout="constrained")
+    fields = drawing.subplots(height, 3, squeeze=False).ravel()
+    for field, (label, curve) in zip(fields, shown.items(), strict=False):
+        field.set_title(label, fontsize=10)
+        for index, (name, points) in enumerate(curve.items()):
+            along = sorted(points, key=lambda point: point[0])
+            colour = f"C{index}"
+            seconds = [point[0] for point in along]
+            errors = [100 * point[1].relative_rmse for point in along]
+            field.plot(seconds, errors, "-", color=colour, label=name, linewidth=1)
+            for x, y, point in zip(seconds, errors, along, strict=True):
+                face = colour if point[2] else "white"
+                field.plot(x, y, "o", color=colour, markerfacecolor=face, markersize=5)
+        field.set(xscale="log", yscale="log", xlabel="seconds", ylabel="relative RMS error, %")
+        field.grid(visible=True, which="major", linewidth=0.3)
+    for field in fields[len(shown) :]:
+        field.set_axis_off()
+    fields[0].legend(fontsize=8)
+    path.parent.mkdir(exist_ok=True)
+    drawing.savefig(path, metadata={"Date": None})
 
 
 def main() -> None:
@@ -95,28 +172,45 @@ def main() -> None:
     clamped = not options.unclamped
     settings = dict(each.split("=") for each in options.settings.split(",") if each)
     rule = row(*["---"] * (len(names) + 1))
-    lines = [HEAD.format(voxels=options.voxels), row("model", *names), rule]
+    lines = [HEAD.format(voxels=options.voxels, machine=f"{os.cpu_count()} cores")]
+    lines += [row("model", *names), rule]
+    curves: dict[str, dict[str, list[Point]]] = {
+        model.label: {name: [] for name in names} for model in models
+    }
 
-    def add(label: str, model: Model, given: Mapping[str, Value]) -> None:
-        cells = [
-            shown(measured(name, model, given, options.voxels, options.samples, clamped))
-            for name in names
-        ]
+    def add(label: str, model: Model, given: Mapping[str, Value], default: bool) -> None:
+        cells = []
+        for name in names:
+            result = measured(name, model, given, options.voxels, options.samples, clamped)
+            cells.append(shown(result))
+            if not isinstance(result, str):
+                curves[model.label][name].append((result[1], result[0], default))
         lines.append(row(label, *cells))
         print(lines[-1], flush=True)
 
     for model in models:
-        add(model.label, model, settings)
+        add(model.label, model, settings, True)
     if not options.no_ladder:
-        lines += ["", "## What the settings trade", ""]
-        lines += [row("settings", *names), rule]
+        lines += [TRADE_OFF, row("settings", *names), rule]
         for model in models:
             for given in model.ladder:
-                words = ", ".join(f"{name} {value:g}" if isinstance(value, float | int) else
-                                  f"{name} {value}" for name, value in given.items())  # fmt: skip
-                add(f"{model.label}: {words}", model, given)
+                add(f"{model.label}: {in_words(given)}", model, given, False)
+    for model in models:
+        if model.operator(model.values({})).basis is None:
+            continue
+        lines.append(COEFFICIENTS)
+        # The defaults, and the most accurate of the ladder.
+        for given in ({}, *model.ladder[-1:]):
+            words = in_words(given) or "default settings"
+            lines += [f"{model.label}, {words}:", "", row("(l, m)", *names), rule]
+            for each in coefficient_rows(model, given, names, options.voxels, options.samples):
+                lines.append(each)
+                print(each, flush=True)
+            lines.append("")
     if options.output:
-        options.output.write_text("\n".join(lines) + "\n")
+        options.output.write_text("\n".join(lines).rstrip() + "\n")
+        if not options.no_ladder:
+            draw(curves, options.output.parent / DRAWING)
 
 
 if __name__ == "__main__":

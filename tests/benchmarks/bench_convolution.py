@@ -6,7 +6,8 @@ Radii in voxels. `single` is what bounded ambient occlusion takes, `double` its 
 include the kernel's integration and spectrum, and write a new array. `scipy.fft` transforms in
 single precision what is padded to fast lengths, multiplies by a kernel's spectrum that it is given,
 and transforms back. Errors are the largest differences to scipy.fft in double precision, relative
-to the largest sum. Medians of the repeats after a warm-up.
+to the largest sum. Medians of the repeats after a warm-up. `half ball` are the direct sums over the
+open side of every voxel's gradient, once, for radii whose cubes are affordable.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from scipy import fft
 import volillum_native
 
 RADII = (8, 12, 32)
+HALF_RADII = (4, 8, 12)
 WORLD = np.eye(4)
 AXES = (0, 1, 2)
 
@@ -127,6 +129,15 @@ def main() -> None:
             seconds = measure(work, options.repeats)
             error = float(np.abs(work()[0] - truth).max()) / largest
             report(f"radius {radius}, {precision}", seconds, scipy_seconds, error)
+
+    for radius in HALF_RADII:
+        half = partial(
+            volillum_native.hemisphere_sums, field[None], field[None], WORLD,
+            radius=float(radius), threads=threads,
+        )  # fmt: skip
+        start = time.perf_counter()
+        half()
+        report(f"radius {radius}, half ball", time.perf_counter() - start, 0.0, None)
 
 
 if __name__ == "__main__":

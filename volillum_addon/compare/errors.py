@@ -21,7 +21,8 @@ from ..core.errors import bad
 from ..core.medium import Medium
 from ..core.native import native
 from ..core.scene import Scene
-from ..models.exact import REPLICATES, Estimate, exact
+from ..models.exact import REPLICATES, Estimate, exact, exact_coefficients
+from ..models.spherical_harmonics import coefficients
 from ..models.volume import IlluminationVolume
 from .metrics import Exposure, Figure, Image, Mask, best_exposure, figure, sampled_figure
 
@@ -134,3 +135,41 @@ def field_error(
     seen = volume.in_scattered(view=camera, clamped=clamped)
     baked = seen.values[tuple(unique.T)].astype(np.float64)
     return sampled_figure(Image.noiseless(baked), truth, counts)
+
+
+def coefficient_errors(
+    scene: Scene,
+    volume: IlluminationVolume,
+    voxels: int = 2000,
+    samples: int = 2048,
+    seed: int = 0,
+    control: Control | None = None,
+) -> tuple[Figure, list[Figure]]:
+    """Baked coefficients V_lm of the visibility against exact ones, at visible voxels' centres.
+
+    Of all coefficients together, relative to all of them, and of each one relative to itself. The
+    truncation to a few bands is no part of it: it is the model's error, not the numbers'.
+    """
+    index = visible_voxels(volume.medium, scene.need_camera(), voxels, seed)
+    unique, counts = np.unique(index, axis=0, return_counts=True)
+    points = volume.medium.sigma_t.to_world(unique.astype(np.float64))
+    truth = exact_coefficients(
+        scene, volume.model, points, samples, seed, control, **volume.parameters
+    )
+    baked = np.moveaxis(coefficients(volume)[:, *unique.T], 0, 1).astype(np.float64)
+
+    def error_of(part: slice) -> Figure:
+        return sampled_figure(
+            _in_colours(baked[:, part], np.zeros_like(baked[:, part]), np.inf),
+            _in_colours(truth.value[:, part], truth.standard_error[:, part] ** 2, REPLICATES - 1),
+            counts,
+        )
+
+    each = [error_of(slice(n, n + 1)) for n in range(baked.shape[1])]
+    return error_of(slice(None)), each
+
+
+def _in_colours(value: NDArray[np.float64], variance: NDArray[np.float64], degrees: float) -> Image:
+    """Coefficients [n, count, 1 or 3] as an image [n, count, 3]; one colour stands for three."""
+    shape = (*value.shape[:-1], 3)
+    return Image(np.broadcast_to(value, shape), np.broadcast_to(variance, shape), degrees)

@@ -143,8 +143,8 @@ def figure(estimate: Image, truth: Image, mask: Mask) -> Figure:
 def sampled_figure(
     estimate: Image, truth: Image, counts: NDArray[np.integer] | None = None
 ) -> Figure:
-    """The error at points [n, 3] that are themselves a random sample of a population, each counted
-    `counts` [n] times (once).
+    """The error at points [n, ..., 3] that are themselves a random sample of a population, each
+    counted `counts` [n] times (once).
 
     The noise is the spread of the points' own contributions, so it holds the choice of the points
     as well as the variances: a point that counts twice brings the same noise twice, not two
@@ -152,14 +152,19 @@ def sampled_figure(
     """
     error = estimate.value - truth.value
     times = np.ones(len(error)) if counts is None else np.asarray(counts, np.float64)
-    squares = times * np.sum(error**2 - estimate.variance - truth.variance, axis=-1)
-    weights = times * np.sum(truth.value**2 - truth.variance, axis=-1)
+
+    def total(values: Values) -> Values:
+        """All values of a point, [n]."""
+        return np.asarray(values.reshape(len(values), -1).sum(axis=-1))
+
+    squares = times * total(error**2 - estimate.variance - truth.variance)
+    weights = times * total(truth.value**2 - truth.variance)
     count = len(squares)
     if count < 2 or not weights.sum() > 0:
         raise bad("the sampled points", f"{count}, or all dark", "at least 2 with some light")
     q = float(squares.sum() / weights.sum())
     spread = float(np.sqrt(np.sum((squares - q * weights) ** 2) * count / (count - 1)))
-    sums, totals = times * error.sum(axis=-1), times * np.abs(truth.value).sum(axis=-1)
+    sums, totals = times * total(error), times * total(np.abs(truth.value))
     bias = float(sums.sum() / totals.sum())
     bias_spread = float(np.sqrt(np.sum((sums - bias * totals) ** 2) * count / (count - 1)))
     return _figure(q, spread / float(weights.sum()), bias, bias_spread / float(totals.sum()))

@@ -13,6 +13,9 @@ physical first order of occlusion. It is printed as a light but grows with occlu
 from 1. An opaque surface has T_p far above 1, so what is displayed are opacities, as originally
 published. k is the gain of the colour that bleeds from the neighbours.
 
+As originally published the ball may be split by the gradient: with `neighbourhood` = hemisphere all
+integrals are over y . grad sigma_t(x) < 0 alone, and twice as much.
+
 Neglects that occluders hide each other, where light comes from, all that is beyond R, all
 scattering but the last, the phase function, and emission.
 """
@@ -20,6 +23,7 @@ scattering but the last, the phase function, and emission.
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,9 +46,10 @@ DEFAULT_RADIUS_VOXELS = 12
 def operator(values: Values) -> Operator:
     """The row of this model; lengths of 0 stand for what follows the grid (`resolve`)."""
     linear = values["opacity"] == "linear"
+    half = _is_half(values)
     return Operator(
-        "sphere",
-        "none",
+        "hemisphere" if half else "sphere",
+        "gradient" if half else "none",
         "constant",
         radius=float(values["radius"]),
         law="linear" if linear else "bounded",
@@ -93,17 +98,19 @@ def _sums(
     complement: bool = False,
 ) -> NDArray[np.float32]:
     bounded = row.law == "bounded"
-    sums: NDArray[np.float32] = native.convolve(
+    # Unbounded sums beside an opaque voxel of 1e6 would drown in the rounding of single precision;
+    # half balls are summed without cancellation.
+    convolve = partial(native.convolve, precision="single" if bounded else "double")
+    half = partial(native.hemisphere_sums, guide=lattice.planes())
+    sums: NDArray[np.float32] = (half if row.lobe == "hemisphere" else convolve)(
         planes,
-        lattice.index_to_world,
+        index_to_world=lattice.index_to_world,
         radius=row.radius,
         weight_p=int(row.weight_p),
         total=1.0 if bounded else row.radius,
         upper=1.0 if bounded else math.inf,
         opacity_length=opacity_length,
         complement=complement,
-        # Unbounded sums beside an opaque voxel of 1e6 would drown in single precision's rounding.
-        precision="single" if bounded else "double",
         control=control.native,
     )
     return sums
@@ -120,6 +127,10 @@ def _colours(medium: Medium, opacity_length: float) -> NDArray[np.float32]:
     length = np.float32(opacity_length)
     np.divide(-np.expm1(-sigma_t * length), sigma_t, out=ratio, where=sigma_t > 0)
     return np.ascontiguousarray(ratio * sigma_s)
+
+
+def _is_half(values: Values) -> bool:
+    return values["neighbourhood"] == "hemisphere"
 
 
 def _bleeds(medium: Medium, values: Values) -> bool:
@@ -175,6 +186,13 @@ MODEL = Model(
             0.0,
             1e9,
             "world units",
+        ),
+        Parameter(
+            "neighbourhood",
+            "sphere",
+            "sphere: all around; hemisphere: only the open side of a surface (where the medium "
+            "thins out), crisper; time grows with the cube of the radius",
+            choices=("sphere", "hemisphere"),
         ),
         Parameter("bleeding", 0.0, "Gain of the colour that glows from the neighbours", 0.0, 1.0),
     ),

@@ -24,6 +24,8 @@ from ..core.medium import Medium
 from .operator import Operator
 
 Planes = NDArray[np.float32]
+# A change from voxel to voxel that is less than this share of the voxel's value has no direction.
+FLAT = 1e-5
 
 
 def native_equation(
@@ -135,7 +137,8 @@ def _occluded(operator: Operator, medium: Medium) -> dict[str, object]:
 
 
 def _outward(sigma_t: Grid) -> Planes:
-    """-grad sigma_t in the world, by central differences of the voxels' (mean) values."""
+    """-grad sigma_t in the world, by central differences of the voxels' (mean) values; 0 where they
+    are the rounding of a constant."""
     values = np.pad(sigma_t.planes().mean(axis=0, dtype=np.float64), 1)
     inner = slice(1, -1)
     slopes = []
@@ -143,6 +146,8 @@ def _outward(sigma_t: Grid) -> Planes:
         ahead, behind = ([inner] * 3 for _ in range(2))
         ahead[axis], behind[axis] = slice(2, None), slice(0, -2)
         slopes.append((values[tuple(ahead)] - values[tuple(behind)]) / 2)
+    steepness = np.sqrt(sum(slope**2 for slope in slopes))
+    slopes = [np.where(steepness > FLAT * values[1:-1, 1:-1, 1:-1], s, 0) for s in slopes]
     # A gradient is a covector: it turns with the inverse's transpose.
     inverse = np.linalg.inv(sigma_t.index_to_world[:3, :3])
     outward = -np.tensordot(inverse.T, np.stack(slopes), 1)

@@ -41,7 +41,7 @@ MOST_NEGLECTED = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """Values and their standard errors, of equal shape [..., 3].
+    """Values and their standard errors, of equal shape [..., 3], or of coefficients [..., 1 or 3].
 
     `neglected` is the largest share of the light's paths to any of the points that was given up,
     because it scattered more often than is followed: the values may be low by as much.
@@ -116,6 +116,41 @@ def _in_scattered(
             replicates=REPLICATES,
             seed=seed,
             clamp=operator.clamped and clamped,
+            control=control.native if control else None,
+        )
+    )
+
+
+def exact_coefficients(
+    scene: Scene,
+    model: str,
+    points: ArrayLike,
+    samples: int = 4096,
+    seed: int = 0,
+    control: Control | None = None,
+    **parameters: object,
+) -> Estimate:
+    """V_lm [n, count, 1 or 3] of the visibility at world points [n, 3], one a colour of the
+    extinction, for the bands that the model's operator has.
+
+    `samples` directions a point, for all coefficients alike. Raises InputError for a model without
+    a basis.
+    """
+    chosen = get(model)
+    operator = chosen.operator_in(scene, chosen.values(parameters))
+    if operator.basis is None:
+        raise bad("the operator's basis", None, "an order and a window: a model of coefficients")
+    sigma_t = scene.trimmed(VOID_MARGIN).medium.sigma_t
+    return Estimate(
+        *native.exact_visibility_harmonics(
+            sigma_t.planes(),
+            sigma_t.index_to_world,
+            np.ascontiguousarray(points, dtype=np.float64),
+            order=operator.basis[0],
+            radius=operator.radius,
+            directions=samples,
+            replicates=REPLICATES,
+            seed=seed,
             control=control.native if control else None,
         )
     )

@@ -15,6 +15,9 @@ over neighbours again. Its sigma_s is the product of two such functions, density
 `products` are the means of h_j h_j+1. All means are exact but for rounding (models.engines); no
 codebook compresses the histograms: they are n float32 volumes, 2 n - 1 with products.
 
+Only whole balls: the open half of a neighbourhood follows the gradient of the extinction, which a
+new transfer function turns, so that variant has no histogram.
+
 The linear law is then the full bake's, where the transfer function's points are among the c_j. With
 opacities, which are not linear in the density, those of the c_j are interpolated: too low by at
 most delta^2 / 8 where neighbouring c_j differ by the depth delta in a voxel.

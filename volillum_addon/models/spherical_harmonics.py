@@ -30,7 +30,7 @@ from .model import Model, Need, Parameter, Values
 from .operator import Operator, truncated_radiance
 from .published import ALGORITHM, LOCAL_RADIUS, composed_harmonics, is_published
 from .settings import NEAR_SLICES
-from .volume import Factor, RadianceTerm
+from .volume import Factor, IlluminationVolume, RadianceTerm
 
 # Coefficients in one vector grid: EEVEE reads at most 15 grids of a material.
 PACK = 3
@@ -117,6 +117,15 @@ def radiance(lights: tuple[Light, ...], medium: Medium, values: Values) -> tuple
         )
         terms.append(RadianceTerm((factor,), (red, green, blue)))
     return tuple(terms)
+
+
+def coefficients(volume: IlluminationVolume) -> NDArray[np.float32]:
+    """V_lm of a bake, [(order + 1)^2, i, j, k, 1 or 3]."""
+    count = harmonics.count(int(volume.parameters["order"]))
+    if volume.medium.sigma_t.channels == 3:
+        return np.stack([volume.channels[f"coefficient_{n}"].values for n in range(count)])
+    packs = [volume.channels[f"coefficients_{n}"] for n in range((count + PACK - 1) // PACK)]
+    return np.concatenate([pack.planes() for pack in packs])[:count, ..., None]
 
 
 MODEL = Model(

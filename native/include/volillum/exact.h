@@ -122,6 +122,12 @@ void in_scattered(const Medium &medium, const Equation &equation, const double *
                   const double *views, std::size_t count, const Sampling &sampling,
                   const Results &results);
 
+// value, error[count][harmonics][channels] of V_lm = int T Y_lm dw, T over `radius`, for the first
+// 1, 4, 9 or 16 real harmonics; `directions` counts all replicates together.
+void visibility_harmonics(const Medium &medium, double radius, std::size_t harmonics,
+                          const double *points, std::size_t count, const Sampling &sampling,
+                          double *value, double *error);
+
 // Results at pixels [height][width]; here `directions` counts per point of the ray and `points`
 // per replicate. sigma_s must vanish where sigma_t does; `emits`: the emission is in the image.
 void image(const Medium &medium, const Equation &equation, bool emits, const Image &view,

@@ -135,6 +135,28 @@ nb::tuple exact_in_scattered(const PlanesArray &sigma_t, const DoubleArray &inde
     return outputs.tuple;
 }
 
+nb::tuple exact_visibility_harmonics(const PlanesArray &sigma_t, const DoubleArray &index_to_world,
+                                     const DoubleArray &points, std::int64_t order, double radius,
+                                     std::int64_t directions, std::int64_t replicates,
+                                     std::uint64_t seed, int threads, Control *control) {
+    const exact::Medium medium = medium_of(sigma_t, {}, {}, index_to_world);
+    const std::size_t count = rows_of_three(points, "points");
+    if (order < 0 || order > 3)
+        fail("order is " + std::to_string(order) + "; expected 0, 1, 2 or 3");
+    require_radius(radius);
+    const exact::Sampling sampling =
+        sampling_of(directions, replicates, seed, false, threads, control);
+    const std::size_t harmonics = std::size_t((order + 1) * (order + 1));
+    auto [value, value_array] = output({count, harmonics, sigma_t.shape(0)});
+    auto [error, error_array] = output({count, harmonics, sigma_t.shape(0)});
+    {
+        const nb::gil_scoped_release release;
+        exact::visibility_harmonics(medium, radius, harmonics, points.data(), count, sampling,
+                                    value, error);
+    }
+    return nb::make_tuple(value_array, error_array);
+}
+
 nb::tuple exact_image(const PlanesArray &sigma_t, const PlanesArray &sigma_s,
                       const std::optional<PlanesArray> &emission, const DoubleArray &index_to_world,
                       const nb::list &terms, const DoubleArray &rays, std::int64_t width,
@@ -218,6 +240,19 @@ randomisations. clamp: values below 0 become 0 (after averaging).
 Returns value and its standard error, float64 [n, 3] each, and float64 [n], the share of the walks'
 weight that was given up after 16384 collisions. A point's result depends on its index, the seed
 and nothing else of the call's order.)");
+    module.def("exact_visibility_harmonics", &exact_visibility_harmonics, "sigma_t"_a.noconvert(),
+               "index_to_world"_a, "points"_a, nb::kw_only(), "order"_a = 3, "radius"_a = infinity,
+               "directions"_a = 1024, "replicates"_a = 8, "seed"_a = 0, "threads"_a = 0,
+               "control"_a = nb::none(),
+               R"(Spherical harmonics of the visibility at points,
+
+    V_lm(x) = int exp(-od(x, x + radius w)) Y_lm(w) dw
+
+over outward world directions w, real and orthonormal without the Condon-Shortley sign, at index
+l (l + 1) + m up to l = order (0 to 3).
+sigma_t: float32 [c, nx, ny, nz], c = 1 or 3. points: float64 [n, 3], world.
+directions: rays per point in all, shared among `replicates` independent randomisations.
+Returns value and standard error, float64 [n, (order + 1)^2, c] each.)");
     module.def("exact_image", &exact_image, "sigma_t"_a.noconvert(), "sigma_s"_a.noconvert(),
                "emission"_a.noconvert().none(), "index_to_world"_a, "terms"_a, "rays"_a, "width"_a,
                "height"_a, nb::kw_only(), "equation"_a = plain(), "radius"_a = infinity,

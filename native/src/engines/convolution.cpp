@@ -19,6 +19,7 @@
 #include "convolution_kernel.h"
 #include "huge_array.h"
 #include "pencils.h"
+#include "volillum/opacity.h"
 #include "volillum/parallel.h"
 
 namespace volillum {
@@ -285,16 +286,6 @@ private:
     HugeArray<T> spectrum_, kernel_;
     std::vector<Work> work_;
 };
-
-// 1 - exp(-x) for x >= 0 with full relative precision: opacities of thin media must not drown in
-// the rounding of 1 - (1 - x).
-inline float opacity(float x) {
-    if (x < 0.25f) {
-        // Taylor to x^6 / 720: the next term is below 1e-8 relative.
-        return x * (1 - x / 2 * (1 - x / 3 * (1 - x / 4 * (1 - x / 5 * (1 - x / 6)))));
-    }
-    return 1 - exp_negative(x);
-}
 
 template <class T>
 void convolve_as(const float *field, int channels, const Index3 &shape, const KernelWeights &kernel,

@@ -65,14 +65,22 @@ VOLILLUM_INLINE void add_piece(const Field &occluder, const OriginRule &rule, co
     double cos_theta = -1.0;
     if (body.outward) {
         Vec3 outward{};
+        double steepest = 0.0;
         // The cell at the point: the first one of any ray from it.
         ray.direction = body.lattice.vector({1.0, 0.0, 0.0});
         walk_cells(body.bricks, ray, radius, [&](const Cell &cell, double t0, double) {
-            if (t0 == 0.0) outward = colour_at(*body.outward, cell, ray.origin);
+            if (t0 != 0.0) return false;
+            outward = colour_at(*body.outward, cell, ray.origin);
+            for (std::size_t c = 0; c < 8; ++c) {
+                const Vec3 corner = {double(c & 1), double(c >> 1 & 1), double(c >> 2)};
+                steepest = std::max(steepest,
+                                    length(colour_at(*body.outward, cell, cell.corner + corner)));
+            }
             return false;
         });
         const double norm = length(outward);
-        if (norm > 0.0) {
+        // A voxel's centre is where rounding has put it: what it takes from the others is nothing.
+        if (norm > 1e-9 * steepest) {
             frame = Frame((1.0 / norm) * outward);
             cos_theta = 0.0;
         }
