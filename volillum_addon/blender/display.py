@@ -43,6 +43,14 @@ def show_bake(
     volume = relight(read_vdb(path), read_lights(scene))
     limit = grid_limit(scene)
     volume, path = displayed(volume, path, path.parent, limit, as_radiance)
+    data = shown_data(volume, path, limit)
+    shown = bpy.data.objects.new(path.stem, data)
+    collection.objects.link(shown)
+    return shown
+
+
+def shown_data(volume: IlluminationVolume, path: Path, limit: int | None) -> bpy.types.Volume:
+    """The file of the volume with the material that shows it."""
     material = display_material(path.stem, volume, limit)
     try:
         data = load_volume(path)
@@ -50,9 +58,7 @@ def show_bake(
         bpy.data.materials.remove(material)
         raise
     data.materials.append(material)
-    shown = bpy.data.objects.new(path.stem, data)
-    collection.objects.link(shown)
-    return shown
+    return data
 
 
 def grid_limit(scene: bpy.types.Scene) -> int | None:

@@ -127,6 +127,11 @@ def _show(context: bpy.types.Context, text: str | None) -> None:
     which may be slow to draw."""
     if context.workspace is not None:
         context.workspace.status_text_set(text)
+    redraw_sidebars(context)
+
+
+def redraw_sidebars(context: bpy.types.Context) -> None:
+    """The sidebars of all 3D views, and nothing else of them."""
     for window in context.window_manager.windows:
         for area in window.screen.areas:
             for region in area.regions:

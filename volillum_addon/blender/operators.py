@@ -11,7 +11,7 @@ import bpy
 from ..compare.measure import Options
 from ..core.control import Control
 from ..core.errors import InputError
-from . import animation, child, comparing, modal, work
+from . import animation, child, comparing, live_session, modal, work
 from .failures import EXPECTED, one_line
 from .jobs import Work
 from .places import output_directory
@@ -112,6 +112,7 @@ class VOLILLUM_OT_show(bpy.types.Operator):
         scene = context.scene
         path = scene.volillum.baked.path
         try:
+            live_session.stop()
             if not self.baked:
                 work.hide(scene)
                 return {"FINISHED"}

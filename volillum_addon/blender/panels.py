@@ -8,7 +8,7 @@ from ..core.errors import InputError
 from ..models.illuminate import left_out
 from ..models.model import Model
 from ..models.registry import get
-from . import modal, staleness, work, wrap
+from . import live_session, modal, staleness, work, wrap
 from .medium_reader import volume_material
 from .outline import outline
 
@@ -82,6 +82,11 @@ class VOLILLUM_PT_bake(_Sidebar, bpy.types.Panel):
         _progress_or_button(layout, "volillum.bake", "RENDER_STILL")
         _progress_or_button(layout, "volillum.bake_frames", "RENDER_ANIMATION", scale=1)
         baked = settings.baked
+        live = live_session.current()
+        follows = live is not None and live.follows(scene)
+        layout.operator("volillum.live", icon="FILE_REFRESH", depress=follows)
+        if live is not None and follows:
+            _lines(layout, live.message, wrap.room(context), "TIME")
         row = layout.row(align=True)
         row.enabled = bool(baked.path)
         shown = baked.shown is not None
@@ -90,7 +95,7 @@ class VOLILLUM_PT_bake(_Sidebar, bpy.types.Panel):
             "volillum.show", text="Show volume", icon="VOLUME_DATA", depress=not shown
         ).baked = False
         layout.prop(settings, "as_radiance")
-        if baked.path:
+        if baked.path and not follows:
             _baked(layout.box(), scene, wrap.room(context) - wrap.BOX)
 
 

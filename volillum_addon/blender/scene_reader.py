@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 
 from ..bake.vdb import grid_names, read_grid
+from ..core.camera import Camera
 from ..core.errors import InputError
 from ..core.grid import Grid
 from ..core.scene import Scene
@@ -64,13 +65,9 @@ def read_scene(
         settings or MediumSettings(),
     )
     width, height = image_size(scene)
-    camera = None
-    if scene.camera is not None:
-        if scene.render.pixel_aspect_x != scene.render.pixel_aspect_y:
-            raise InputError("the scene's pixels are not square; expected a pixel aspect of 1 : 1")
-        camera = read_camera(scene.camera, width, height)
-        if scene.camera.data.dof.use_dof:
-            notes += ("the camera's depth of field is left out",)
+    camera = read_scene_camera(scene)
+    if camera is not None and scene.camera.data.dof.use_dof:
+        notes += ("the camera's depth of field is left out",)
     surfaces = [o for o in rendered_objects(scene) if o.type in ("MESH", "CURVE", "SURFACE")]
     if surfaces:
         notes += (
@@ -85,6 +82,15 @@ def read_scene(
         height=height,
         notes=notes,
     )
+
+
+def read_scene_camera(scene: bpy.types.Scene) -> Camera | None:
+    """The scene's own camera, if it has one."""
+    if scene.camera is None:
+        return None
+    if scene.render.pixel_aspect_x != scene.render.pixel_aspect_y:
+        raise InputError("the scene's pixels are not square; expected a pixel aspect of 1 : 1")
+    return read_camera(scene.camera, *image_size(scene))
 
 
 def volume_path(placed: bpy.types.Object) -> Path:

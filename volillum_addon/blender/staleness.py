@@ -75,6 +75,19 @@ def changes(scene: bpy.types.Scene, volume: bpy.types.Object | None) -> tuple[st
     )
 
 
+def state(scene: bpy.types.Scene, volume: bpy.types.Object) -> tuple[str, str]:
+    """What the chosen model's bake of the scene as it is now would depend on, and the medium's part
+    of that, as digests. Raises InputError where the scene cannot be read or served."""
+    settings = scene.volillum
+    model = get(settings.model)
+    bare = outline(scene, volume)
+    model.check(bare)
+    medium = _digest([*source(settings, volume).values(), bare.medium.g])
+    parts = [PARTS[part](bare, model) for part in sorted(model.rebake_on) if part in PARTS]
+    values = {name: str(value) for name, value in model_values(settings, model.id).items()}
+    return _digest([medium, model.id, values, parts]), medium
+
+
 def noted_lighting(scene: bpy.types.Scene, volume: bpy.types.Object | None) -> str:
     """`lighting` of the last bake's model as it is shown: of a sequence, at each of its frames."""
     baked = scene.volillum.baked

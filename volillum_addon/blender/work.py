@@ -118,8 +118,13 @@ def hide(scene: bpy.types.Scene) -> None:
 def discard(shown: bpy.types.Object) -> None:
     """Remove a shown bake with its data and material, where nothing else uses them."""
     data = shown.data
-    materials = [material for material in data.materials if material is not None]
     bpy.data.objects.remove(shown)
+    discard_data(data)
+
+
+def discard_data(data: bpy.types.Volume) -> None:
+    """Remove a shown bake's data and material, where nothing else uses them."""
+    materials = [material for material in data.materials if material is not None]
     for block in (data, *materials):
         if block.users == 0:
             bpy.data.batch_remove([block])
