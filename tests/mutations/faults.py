@@ -96,6 +96,22 @@ FAULTS = (
         ("tests/models/test_half_angle.py::test_half_space",),
     ),
     Fault(
+        "rays that end a step before the lamp of half angle slicing",
+        "native/src/engines/cone_transport_lamp.cpp",
+        "return sum / double(step.length);",
+        "return sum / double(step.length) - 1.0;",
+        ("tests/native/test_cone_transport.py::test_rays_end_on_the_plane_through_the_lamp",),
+    ),
+    Fault(
+        "rays of the half angle that pass a band's border with the sums of the other row",
+        "native/src/engines/cone_transport_kernels.cpp",
+        "Pack for_own = here * mean, for_next = f * mean;",
+        "Pack for_own = f * mean, for_next = here * mean;",
+        (
+            "tests/native/test_cone_transport.py::test_without_scattering_it_is_the_mean_transmittance",
+        ),
+    ),
+    Fault(
         "1 % in the normalisation of ambient occlusion",
         "volillum_addon/models/ambient_occlusion.py",
         "total=1.0 if bounded else row.radius,",

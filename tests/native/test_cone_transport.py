@@ -300,6 +300,40 @@ def test_a_turning_light_makes_no_jump(second: Array) -> None:
     assert max(steps) < 2.0 * float(np.median(steps)), steps
 
 
+@pytest.mark.parametrize("albedo", [0.0, 0.5])
+def test_rays_end_on_the_plane_through_the_lamp(albedo: float) -> None:
+    """One direction in a homogeneous block: exp(-sigma_a times the way to the lamp's plane)."""
+    sigma_t = np.full((1, 9, 10, 41), 1.2, np.float32)
+    for lamp in (20.3, 20.0, -3.0, 60.0):
+        found = volillum_native.cone_transport(
+            sigma_t, np.float32(albedo) * sigma_t, np.diag([0.05, 0.05, 0.05, 1.0]), Z, Z[None],
+            np.ones((1, 2, 2, 2), np.float32), node_spacing=64,
+            lamp=np.array([0.2, 0.2, 0.05 * lamp]),
+        )[0, 4, 5]  # fmt: skip
+        # The block ends half a voxel beyond its last (the interpolant's fall to zero).
+        way = np.clip(min(lamp, 40.5) - np.arange(41), 0, None) * 0.05
+        # Steps of 0.06: each is off by albedo (1 - albedo) 0.06^3 / 12 at most, and there are 40.
+        np.testing.assert_allclose(found, np.exp(-(1 - albedo) * 1.2 * way), rtol=3e-4)
+
+
+def test_local_weights_that_are_the_same_everywhere_are_weights() -> None:
+    sigma_t = smooth((14, 20, 18))[None]
+    sigma_s = np.float32(0.8) * sigma_t
+    axis = unit(-1, 2, 3)
+    vectors, weights = cone_rule(THETA, 16)
+    directions = about(vectors, axis)
+    arguments = (sigma_t, sigma_s, AFFINES["sheared"], axis, directions)
+    nodes = np.tile(weights[:, None, None, None].astype(np.float32), (1, 3, 4, 4))
+    local = volillum_native.cone_transport(
+        *arguments, nodes, node_spacing=7, lamp=1e3 * axis, threads=1
+    )
+    assert np.abs(local - volillum_native.cone_transport(*arguments, weights)).max() < ROUNDING
+    threaded = volillum_native.cone_transport(
+        *arguments, nodes, node_spacing=7, lamp=1e3 * axis, threads=3
+    )
+    assert np.array_equal(local, threaded)
+
+
 @pytest.mark.parametrize("shape", [(1, 1, 1), (1, 1, 50), (2, 33, 1), (5, 3, 2)])
 @pytest.mark.parametrize("axis", list(AXES.values()), ids=list(AXES))
 def test_small_grids_and_any_number_of_threads(shape: tuple[int, int, int], axis: Array) -> None:
@@ -364,6 +398,9 @@ def test_bad_input_is_refused_in_plain_words() -> None:
         ({"weights": np.array([0.5])}, "weights sum to 0.5"),
         ({"weights": np.array([-1.0])}, "weight 0 is"),
         ({"spacing": 0.0}, "spacing is 0"),
+        ({"weights": np.ones((1, 1, 2, 2), np.float32), "node_spacing": 2}, "nodes every 2"),
+        ({"weights": np.ones((1, 3, 3, 3), np.float32), "node_spacing": 0}, "node_spacing is 0"),
+        ({"lamp": np.zeros(2)}, "lamp has shape"),
         ({"index_to_world": np.zeros((4, 4))}, "invertible affine"),
     ]:
         with pytest.raises(ValueError, match=message):

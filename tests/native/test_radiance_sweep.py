@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from radiance_truth import hue, radiance
+from scipy.ndimage import map_coordinates
 from trilinear import affine
 
 import volillum_native as native
@@ -94,6 +95,25 @@ def test_weights_sum_over_directions() -> None:
         for weight, each in zip(weights, DIRECTIONS, strict=True)
     )
     assert np.allclose(together, apart, rtol=2e-6)
+
+
+@pytest.mark.parametrize("spacing", [1, 3])
+def test_weights_that_vary_from_node_to_node(spacing: int) -> None:
+    """Linear between nodes; directions of all major axes."""
+    sigma_t, source = random_medium(6)
+    shape = sigma_t.shape[1:]
+    nodes = [math.ceil((n - 1) / spacing) + 1 for n in shape]
+    weights = np.random.default_rng(8).random((len(DIRECTIONS), *nodes), dtype=np.float32)
+    found = native.mean_hue(
+        sigma_t, source, np.eye(4), DIRECTIONS, weights, WHITE, node_spacing=spacing
+    )
+    place = np.stack(np.meshgrid(*[np.arange(n) / spacing for n in shape], indexing="ij"))
+    truth = sum(
+        map_coordinates(field, place, order=1, output=np.float64)
+        * native.mean_hue(sigma_t, source, np.eye(4), each[None], ONE, WHITE)
+        for field, each in zip(weights, DIRECTIONS, strict=True)
+    )
+    assert np.allclose(found, truth, rtol=3e-6)
 
 
 def test_mirrored_and_turned() -> None:

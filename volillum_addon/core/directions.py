@@ -155,10 +155,12 @@ class AngularLattice:
         vectors = (flat / np.linalg.norm(flat, axis=-1, keepdims=True)).reshape(-1, 3) @ frame(pole)
         return cls(pole, spacing, vectors, np.array([-limit, -limit]), (len(lattice), len(lattice)))
 
-    def cone_weights(self, axes: NDArray[np.float64], theta: float) -> NDArray[np.float32]:
-        """Weights [d, n] of the lattice's directions for the uniform cones about axes [n, 3]; they
-        sum to 1 for each cone."""
-        local, local_weights = cone_rule(theta, SPREAD_RINGS * SPREAD_PER_RING)
+    def cone_weights(
+        self, axes: NDArray[np.float64], theta: float, beta: float = 0.0
+    ) -> NDArray[np.float32]:
+        """Weights [d, n] of the lattice's directions for the cones about axes [n, 3], uniform or
+        with Phong's lobe as in `cone_rule`; they sum to 1 for each cone."""
+        local, local_weights = cone_rule(theta, SPREAD_RINGS * SPREAD_PER_RING, beta)
         turned = axes @ frame(self.pole).T
         return native.cone_weights(
             np.ascontiguousarray(turned),
@@ -170,3 +172,11 @@ class AngularLattice:
             size_u=self.size[0],
             size_v=self.size[1],
         )
+
+    def covered(self, axes: NDArray[np.float64], theta: float) -> NDArray[np.float32]:
+        """Weights like `cone_weights` that are not negative and end half a cell beyond the cone:
+        the share of each direction's cell, taken as round, that lies inside. First order in the
+        lattice's spacing at edges, second in the mean over them."""
+        cosine = np.clip(self.directions @ axes.T, -1, 1)
+        inside = np.clip((theta - np.arccos(cosine)) / self.spacing + 0.5, 0, 1)
+        return np.asarray(inside / inside.sum(axis=0), np.float32)

@@ -8,9 +8,12 @@ scattered again and again, but always into the same cone: forward. So it moves o
 source, and one march in the light's frame solves the equation. Where nothing is absorbed L_i is
 F / (4 pi) at every depth; theta -> 0 leaves exp(-integral of sigma_a).
 
-Neglects light that is scattered sideways or back, the phase function, emission, and lights that are
-not distant. The printed cone condition selects the complement of the cone, and its omega_o is to be
-the direction to the light.
+A point light's F is I / d^2 at x, cones are about the direction to it wherever light scatters, and
+rays end where they are nearest to it (docs/mathematics.md, half angle).
+
+Neglects light that is scattered sideways or back, the phase function, emission, and lights without
+one direction. The printed cone condition selects the complement of the cone, and its omega_o is to
+be the direction to the light.
 """
 
 from __future__ import annotations
@@ -18,20 +21,29 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.control import Control
 from ..core.directions import about, cone_rule
+from ..core.errors import InputError
 from ..core.grid import Grid
-from ..core.lights import DistantLight, Light
+from ..core.lights import DistantLight, Light, PointLight
 from ..core.medium import Medium
 from ..core.native import native
 from ..core.scene import Scene
-from .engines import channels_of, sweep
+from .engines import channels_of, falloff, sweep
+from .local_cone import local_cones, node_spacing, visibility
 from .model import Model, Need, Parameter, Values
 from .operator import Operator
 from .published import SLICES, blurred_slices, is_published
 from .settings import NEAR_SLICES
 from .volume import Factor, RadianceTerm
+
+# The share of the work that the unscattered light is, for the progress.
+UNSCATTERED_SHARE = 0.2
+# The smallest cosine between a point light's cones and the march: slices get as dense as its
+# inverse.
+FLATTEST = 0.1
 
 
 def operator(values: Values) -> Operator:
@@ -42,35 +54,97 @@ def operator(values: Values) -> Operator:
 
 
 def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
-    """Light of each sun in units of its own: channels `light_0`, `light_1`, ..."""
-    vectors, weights = cone_rule(float(values["theta"]), int(values["directions"]))
-    medium, near = scene.medium, int(values["near"])
-    suns = [light for light in scene.lights if isinstance(light, DistantLight)]
+    """Light of each sun and point light in units of its own at the medium's centre: channels
+    `light_0`, `light_1`, ..."""
+    lights = [light for light in scene.lights if isinstance(light, DistantLight | PointLight)]
     channels = {}
-    for index, sun in enumerate(suns):
-        name, axis = f"light_{index}", np.asarray(sun.direction)
-        with control.stage(index / len(suns), (index + 1) / len(suns), f"light {index + 1}"):
-            if is_published(values):
-                planes = blurred_slices(medium, axis, values, control, scattered_on=True)
-                channels[name] = channels_of(medium.sigma_t, planes, name)
-                continue
-            directions = about(vectors, axis)
-            with control.stage(0, 0.2, "unscattered light"):
-                seen = sweep(medium.sigma_t, directions, weights[:, None], near, control)[:, 0]
-            with control.stage(0.2, 1, "scattered light"):
-                planes = native.cone_transport(
-                    medium.sigma_t.planes(),
-                    medium.sigma_s.planes(),
-                    medium.sigma_t.index_to_world,
-                    axis,
-                    np.ascontiguousarray(directions),
-                    weights,
-                    transmittance=seen,
-                    spacing=float(values["spacing"]),
-                    control=control.native,
-                )
-        channels[name] = channels_of(medium.sigma_t, planes, name)
+    for index, light in enumerate(lights):
+        name = f"light_{index}"
+        with control.stage(index / len(lights), (index + 1) / len(lights), f"light {index + 1}"):
+            if isinstance(light, PointLight):
+                planes = light_of_lamp(scene.medium, light, values, control)
+            else:
+                planes = light_of_sun(scene.medium, light, values, control)
+        channels[name] = channels_of(scene.medium.sigma_t, planes, name)
     return channels
+
+
+def light_of_sun(
+    medium: Medium, sun: DistantLight, values: Values, control: Control
+) -> NDArray[np.float32]:
+    """L_i / L_l, [channels, i, j, k]."""
+    axis = np.asarray(sun.direction)
+    if is_published(values):
+        return blurred_slices(medium, axis, values, control, scattered_on=True)
+    vectors, weights = cone_rule(float(values["theta"]), int(values["directions"]))
+    directions = np.ascontiguousarray(about(vectors, axis))
+    with control.stage(0, UNSCATTERED_SHARE, "unscattered light"):
+        seen = sweep(medium.sigma_t, directions, weights[:, None], int(values["near"]), control)
+    with control.stage(UNSCATTERED_SHARE, 1, "scattered light"):
+        return marched(medium, axis, directions, weights, seen[:, 0], values, control)
+
+
+def light_of_lamp(
+    medium: Medium, lamp: PointLight, values: Values, control: Control
+) -> NDArray[np.float32]:
+    """L_i over L_l at the medium's centre, [channels, i, j, k]."""
+    sigma_t, position = medium.sigma_t, np.asarray(lamp.position)
+    theta, count = float(values["theta"]), int(values["directions"])
+    advice = "move the light out of the volume and away from it, or widen theta"
+    axis = position - sigma_t.centre
+    axis /= np.linalg.norm(axis) or 1.0
+    if is_published(values):
+        node_spacing(sigma_t, position, theta, count, "a point light", advice)
+        planes = blurred_slices(medium, axis, values, control, position, scattered_on=True)
+        return planes * falloff(sigma_t, position)
+    cones = local_cones(sigma_t, position, theta, count, "a point light", advice)
+    # Without the negative lobes of cubic weights all that is marched stays within its bounds.
+    march = local_cones(sigma_t, position, theta, count, "a point light", advice, covered=True)
+    flattest = float((march.directions @ axis).min())
+    if flattest < FLATTEST:
+        raise InputError(
+            f"the cones of half angle {math.degrees(theta):.4g} degrees toward a point light reach "
+            f"{math.degrees(math.acos(flattest)):.4g} degrees from its direction at the volume's "
+            f"centre; expected at most {math.degrees(math.acos(FLATTEST)):.4g} (move the light "
+            "away from the volume, or narrow theta)"
+        )
+    with control.stage(0, UNSCATTERED_SHARE, "unscattered light"):
+        near = int(values["near"])
+        seen = visibility(sigma_t, cones, near, control, to_lamp=True)
+    with control.stage(UNSCATTERED_SHARE, 1, "scattered light"):
+        planes = marched(
+            medium, axis, march.directions, march.weights, seen, values, control, position,
+            march.spacing,
+        )  # fmt: skip
+    return planes * falloff(sigma_t, position)
+
+
+def marched(
+    medium: Medium,
+    axis: NDArray[np.float64],
+    directions: NDArray[np.float64],
+    weights: NDArray[np.float64] | NDArray[np.float32],
+    seen: NDArray[np.float32],
+    values: Values,
+    control: Control,
+    lamp: NDArray[np.float64] | None = None,
+    node_spacing: int = 1,
+) -> NDArray[np.float32]:
+    """The solution of the march along `axis`, [channels, i, j, k], where `seen` of the light is
+    not scattered."""
+    return native.cone_transport(
+        medium.sigma_t.planes(),
+        medium.sigma_s.planes(),
+        medium.sigma_t.index_to_world,
+        axis,
+        directions,
+        np.ascontiguousarray(weights),
+        transmittance=np.ascontiguousarray(seen),
+        node_spacing=node_spacing,
+        lamp=lamp,
+        spacing=float(values["spacing"]),
+        control=control.native,
+    )
 
 
 def radiance(lights: tuple[Light, ...], medium: Medium, values: Values) -> tuple[RadianceTerm, ...]:
@@ -120,13 +194,14 @@ MODEL = Model(
     needs=(
         Need("light size", "approximates", "every sun has the half angle theta"),
         Need("environment light", "ignores", "only lights with one direction"),
-        Need("local lights", "ignores", "only distant lights"),
+        Need("point lights", "represents", "outside the volume: inside, their cones turn too fast"),
+        Need("spot and area lights", "ignores", "only distant and point lights"),
         Need("multiple scattering", "approximates", "only forward, within the cone of the light"),
         Need("phase function", "approximates", "one cone about the light at every scattering"),
         Need("emission", "ignores", "not in the model's equation"),
         Need("chromatic extinction", "represents", "one solution per channel"),
     ),
-    lights=frozenset({"distant"}),
+    lights=frozenset({"distant", "point"}),
     rebake_on=frozenset({"extinction", "scattering", "light direction"}),
     operator=operator,
     solve=solve,

@@ -8,6 +8,7 @@ directions is weighted, voxel by voxel, by weights that are interpolated between
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,17 +62,27 @@ def node_spacing(
 
 
 def local_cones(
-    grid: Grid, place: NDArray[np.float64], theta: float, count: int, name: str, advice: str
+    grid: Grid,
+    place: NDArray[np.float64],
+    theta: float,
+    count: int,
+    name: str,
+    advice: str,
+    covered: bool = False,
+    beta: float = 0.0,
 ) -> LocalCones:
     """Cones of half angle theta toward `place`, about `count` directions in each; may raise what
-    `node_spacing` does."""
+    `node_spacing` does. `covered`: weights that are not negative, and fewer directions beyond the
+    cones, in place of those that are exact for cubics. `beta`: Phong's lobe instead of an even
+    cone."""
     spacing = node_spacing(grid, place, theta, count, name, advice)
     nodes = [np.arange(math.ceil((n - 1) / spacing) + 1) * spacing for n in grid.shape]
     index = np.stack(np.meshgrid(*nodes, indexing="ij"), axis=-1).astype(np.float64)
     axes = place - grid.to_world(index.reshape(-1, 3))
     axes /= np.linalg.norm(axes, axis=-1, keepdims=True)
     lattice = AngularLattice.covering(axes, theta, count)
-    weights = lattice.cone_weights(axes, theta)
+    each = (axes, theta)
+    weights = lattice.covered(*each) if covered else lattice.cone_weights(*each, beta)
     used = np.abs(weights).max(axis=1) > 0
     field = np.ascontiguousarray(weights[used].reshape(-1, *(len(n) for n in nodes)))
     return LocalCones(place, np.ascontiguousarray(lattice.directions[used]), field, spacing)
@@ -86,24 +97,49 @@ def visibility(
     direction end on the plane through the place across it, so that what lies beyond is left out of
     the medium for that direction.
     """
-    ends = _ended(sigma_t, cones) if to_lamp else np.zeros(len(cones.directions), bool)
-    parts = [np.flatnonzero(~ends), *np.flatnonzero(ends)[:, None]]
-    jobs = [(plane, part) for plane in range(sigma_t.channels) for part in parts if len(part)]
     planes = np.zeros((sigma_t.channels, *sigma_t.shape), np.float32)
-    done, total = 0, sigma_t.channels * len(cones.directions)
-    for plane, part in jobs:
-        with control.stage(done / total, (done + len(part)) / total, "sweeping"):
-            medium = sigma_t.planes()[plane]
-            if ends[part[0]]:
-                medium = _before_plane(sigma_t, medium, cones.place, cones.directions[part[0]])
-            planes[plane] += native.sweep_weighted(
-                medium, sigma_t.index_to_world, np.ascontiguousarray(cones.directions[part]),
-                np.ascontiguousarray(cones.weights[part]), cones.spacing,
-                near_slices=near, control=control.native,
-            )  # fmt: skip
-        done += len(part)
+    for plane in range(sigma_t.channels):
+        with control.stage(plane / sigma_t.channels, (plane + 1) / sigma_t.channels, "sweeping"):
+            for part in parts(sigma_t, cones, control, to_lamp):
+                planes[plane] += native.sweep_weighted(
+                    part.before_lamp(sigma_t, sigma_t.planes()[plane]), sigma_t.index_to_world,
+                    part.directions, part.weights, cones.spacing,
+                    near_slices=near, control=control.native,
+                )  # fmt: skip
     # Cubic weights have negative lobes: at edges they may leave a visibility's range by 1e-3.
     return np.asarray(np.clip(planes, 0, 1))
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Directions [d, 3] that see the same medium, and their weights [d, a, b, c]."""
+
+    directions: NDArray[np.float64]
+    weights: NDArray[np.float32]
+    lamp: NDArray[np.float64] | None
+
+    def before_lamp(self, grid: Grid, plane: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The values that the rays see."""
+        if self.lamp is None:
+            return plane
+        return _before_plane(grid, plane, self.lamp, self.directions[0])
+
+
+def parts(grid: Grid, cones: LocalCones, control: Control, to_lamp: bool) -> Iterator[Part]:
+    """All directions whose rays run to the border, and each of the others, which end at the place;
+    each is a stage of the work."""
+    ends = _ended(grid, cones) if to_lamp else np.zeros(len(cones.directions), bool)
+    done, total = 0, len(cones.directions)
+    for part in (np.flatnonzero(~ends), *np.flatnonzero(ends)[:, None]):
+        if not len(part):
+            continue
+        with control.stage(done / total, (done + len(part)) / total, "sweeping"):
+            yield Part(
+                np.ascontiguousarray(cones.directions[part]),
+                np.ascontiguousarray(cones.weights[part]),
+                cones.place if ends[part[0]] else None,
+            )
+        done += len(part)
 
 
 def _ended(grid: Grid, cones: LocalCones) -> NDArray[np.bool_]:

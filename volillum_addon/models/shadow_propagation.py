@@ -10,6 +10,10 @@ direction to the light, L_l = F / (4 pi) its unoccluded radiance, and C normalis
 the luminance is a hard shadow, and the medium that the light has passed lends it its hue. Where
 lambda(L(x, omega)) < 1e-6 lambda(L_l) gamma is the hue of the light.
 
+A point light's L_l is I / (4 pi d^2) at x, the shadow the single ray to it, and the lobe's rays end
+where they are nearest to it. Beside a medium that glows, its hue mixes as if L_l were everywhere
+what it is at the medium's centre.
+
 gamma is not linear: L is complete before it is taken, for each direction and each light. Lights are
 solved apart and summed. Neglects all scattering but the last and, for hue, the last but one, and
 the phase function. The printed Eq. 8 lost the coefficients of its sources, and its cone is the
@@ -27,12 +31,14 @@ from numpy.typing import NDArray
 from ..core.colour import LUMINANCE, luminance
 from ..core.control import Control
 from ..core.directions import about, cone_rule
+from ..core.errors import bad
 from ..core.grid import Grid
-from ..core.lights import DistantLight, Light
+from ..core.lights import DistantLight, Light, PointLight
 from ..core.medium import Medium
 from ..core.native import native
 from ..core.scene import Scene
-from .engines import channels_of, sweep
+from .engines import channels_of, falloff, sweep
+from .local_cone import local_cones, parts
 from .model import Model, Need, Parameter, Values
 from .operator import Operator
 from .published import PROPAGATION, is_published, propagated
@@ -45,6 +51,9 @@ SHADOW_NEAR_SLICES = 64
 # Where less than this share of the light arrives, the hue is the light's own: a quotient of
 # rounding errors otherwise.
 DARKEST = 1e-6
+# Of Phong's lobe about a point light this share of the weight is left out.
+LOBE_REST = 1e-3
+Directed = DistantLight | PointLight
 # The share of the work that the hard shadow is, for the progress.
 SHADOW_SHARE = 0.05
 
@@ -77,26 +86,32 @@ def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
     """For each light its hard shadow `shadow_0`, lambda(L_l T) / lambda(L_l), and the lobe's mean
     hue `chroma_0` (RGB) where the medium has colour or glows."""
     channels: dict[str, Grid] = {}
-    suns = [light for light in scene.lights if isinstance(light, DistantLight)]
-    for index, sun in enumerate(suns):
-        with control.stage(index / len(suns), (index + 1) / len(suns), f"light {index + 1}"):
+    lights = [light for light in scene.lights if isinstance(light, DistantLight | PointLight)]
+    for index, light in enumerate(lights):
+        with control.stage(index / len(lights), (index + 1) / len(lights), f"light {index + 1}"):
             if is_published(values):
-                channels |= published(scene.medium, sun, index, values, control)
+                channels |= published(scene.medium, light, index, values, control)
                 continue
             with control.stage(0, SHADOW_SHARE, "shadow"):
                 name = f"shadow_{index}"
-                channels[name] = hard_shadow(scene.medium, sun, name, control)
+                channels[name] = hard_shadow(scene.medium, light, name, control)
             if has_chroma(scene.medium):
                 with control.stage(SHADOW_SHARE, 1, "hue"):
                     name = f"chroma_{index}"
-                    channels[name] = mean_hue(scene.medium, sun, values, name, control)
+                    if isinstance(light, PointLight):
+                        found = lamp_hue(scene.medium, light, values, name, control)
+                    else:
+                        found = mean_hue(scene.medium, light, values, name, control)
+                    channels[name] = found
     return channels
 
 
 def published(
-    medium: Medium, sun: DistantLight, index: int, values: Values, control: Control
+    medium: Medium, sun: Directed, index: int, values: Values, control: Control
 ) -> dict[str, Grid]:
     """The same channels from the published propagation: one lookup a slice in place of the lobe."""
+    if isinstance(sun, PointLight):
+        raise bad("the published algorithm's light", "a point light", "distant lights alone")
     colour, left = propagated(medium, np.asarray(sun.direction), values, control)
     lattice, light = medium.sigma_t, hue(unoccluded(sun, medium))
     incident = np.moveaxis(np.broadcast_to(left, (3, *lattice.shape)), 0, -1) * light
@@ -113,15 +128,20 @@ def published(
     return channels
 
 
-def hard_shadow(medium: Medium, sun: DistantLight, name: str, control: Control) -> Grid:
-    """lambda(L_l T(x, omega_L)) / lambda(L_l)."""
+def hard_shadow(medium: Medium, light: Directed, name: str, control: Control) -> Grid:
+    """lambda(L_l T(x, omega_L)) / lambda(L_l), of a point light L_l at the medium's centre."""
     sigma_t = medium.sigma_t
-    planes = sweep(
-        sigma_t, np.asarray(sun.direction)[None], np.ones((1, 1)), SHADOW_NEAR_SLICES, control
-    )[:, 0]
+    if isinstance(light, PointLight):
+        position = np.asarray(light.position)
+        planes = falloff(sigma_t, position) * native.transmittance_to(
+            sigma_t.planes(), sigma_t.index_to_world, position, control=control.native
+        )
+    else:
+        toward = np.asarray(light.direction)[None]
+        planes = sweep(sigma_t, toward, np.ones((1, 1)), SHADOW_NEAR_SLICES, control)[:, 0]
     if len(planes) == 1:
         return channels_of(sigma_t, planes, name)
-    shares = (LUMINANCE * hue(unoccluded(sun, medium))).astype(np.float32)
+    shares = (LUMINANCE * hue(unoccluded(light, medium))).astype(np.float32)
     return channels_of(sigma_t, np.tensordot(shares, planes, 1)[None], name)
 
 
@@ -152,6 +172,32 @@ def mean_hue(
             strongest, *lobe, extinction, albedo * hue(radiance), near_slices=near, control=token
         )
     return channels_of(medium.sigma_t, swept, name)
+
+
+def lamp_hue(medium: Medium, lamp: PointLight, values: Values, name: str, control: Control) -> Grid:
+    """The hue gamma averaged over each voxel's own lobe about the lamp, [i, j, k, 3]."""
+    lattice, beta = medium.sigma_t, float(values["beta"])
+    # Where Phong's lobe has all but LOBE_REST of its weight, so that directions are not spent
+    # where it has none.
+    theta = float(values["theta"])
+    theta = math.acos(max(math.cos(theta), LOBE_REST ** (1 / (beta + 1))))
+    cones = local_cones(
+        lattice, np.asarray(lamp.position), theta, int(values["directions"]), "a point light",
+        "move the light out of the volume and away from it, or widen theta", beta=beta,
+    )  # fmt: skip
+    radiance = unoccluded(lamp, medium)
+    planes, gathered = lattice.planes(), sources(medium, radiance)
+    total = np.zeros((3, *lattice.shape), np.float32)
+    for part in parts(lattice, cones, control, to_lamp=True):
+        seen, glow = (
+            np.stack([part.before_lamp(lattice, plane) for plane in each])
+            for each in (planes, gathered)
+        )
+        total += native.mean_hue(
+            seen, glow, lattice.index_to_world, part.directions, part.weights, hue(radiance),
+            node_spacing=cones.spacing, near_slices=int(values["near"]), control=control.native,
+        )  # fmt: skip
+    return channels_of(lattice, total, name)
 
 
 def sources(medium: Medium, radiance: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -202,13 +248,14 @@ MODEL = Model(
         Need("light size", "ignores", "shadows are hard, whatever the sun's diameter"),
         Need("several lights", "approximates", "solved apart and summed: hues do not mix before"),
         Need("environment light", "ignores", "only lights with one direction"),
-        Need("local lights", "ignores", "only distant lights"),
+        Need("point lights", "represents", "outside the volume; a glow mixes as at its centre"),
+        Need("spot and area lights", "ignores", "only distant and point lights"),
         Need("multiple scattering", "ignores", "what scatters on the way lends its hue alone"),
         Need("phase function", "ignores", "isotropic"),
         Need("emission", "represents", "lends the light its hue, and is in the image"),
         Need("chromatic extinction", "represents", "in the shadow's brightness and in the hue"),
     ),
-    lights=frozenset({"distant"}),
+    lights=frozenset({"distant", "point"}),
     rebake_on=frozenset({"extinction", "scattering", "emission", "light direction", "light hue"}),
     operator=operator,
     solve=solve,

@@ -29,8 +29,10 @@ struct RadianceSettings {
 // out[c] = sum_d weights[d] gamma_c(L(x, directions[d])), [3, n0, n1, n2], with
 //     L_c = hue_c T_c + int T_c source_c ds,    gamma(L) = L / luminance(L),
 // and the light's hue for gamma where the luminance of L is below 1e-6 of the light's.
-void mean_hue(const RadianceScene &scene, const Real *weights, const RadianceSettings &settings,
-              Real *out);
+// `node_spacing` 0: weights [d]. Otherwise they vary, [d, a, b, c] at nodes every so many voxels
+// (volillum::weight_nodes), linear between them.
+void mean_hue(const RadianceScene &scene, const Real *weights, int node_spacing,
+              const RadianceSettings &settings, Real *out);
 
 // A medium of one colour: its extinctions are `extinction` times the scene's sigma_t, and its
 // source function, what it gathers over its extinction, is the same everywhere.

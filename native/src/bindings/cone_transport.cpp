@@ -23,15 +23,15 @@ using Result = nb::ndarray<nb::numpy, Real, nb::ndim<4>>;
 Result cone_transport(const AnyArray &sigma_t, const AnyArray &sigma_s,
                       const AnyArray &index_to_world, const AnyArray &axis,
                       const AnyArray &directions, const AnyArray &weights,
-                      const std::optional<AnyArray> &transmittance, double spacing, int threads,
+                      const std::optional<AnyArray> &transmittance, int node_spacing,
+                      const std::optional<AnyArray> &lamp, double spacing, int threads,
                       Control *control) {
     volillum::ConeTransportScene scene{};
     const char *axes = "[1 or 3, nx, ny, nz]";
-    const Real *extinction = require<Real>(sigma_t, "sigma_t", axes, {-1, -1, -1, -1});
-    const Real *scattering =
-        require<Real>(sigma_s, "sigma_s", "[1 or 3, nx, ny, nz] of sigma_t's lattice",
-                      {-1, std::int64_t(sigma_t.shape(1)), std::int64_t(sigma_t.shape(2)),
-                       std::int64_t(sigma_t.shape(3))});
+    scene.sigma_t = require<Real>(sigma_t, "sigma_t", axes, {-1, -1, -1, -1});
+    scene.sigma_s = require<Real>(sigma_s, "sigma_s", "[1 or 3, nx, ny, nz] of sigma_t's lattice",
+                                  {-1, std::int64_t(sigma_t.shape(1)),
+                                   std::int64_t(sigma_t.shape(2)), std::int64_t(sigma_t.shape(3))});
     std::size_t voxels = 1, channels = 1;
     for (const AnyArray *array : {&sigma_t, &sigma_s}) {
         if (array->shape(0) != 1 && array->shape(0) != 3)
@@ -41,6 +41,8 @@ Result cone_transport(const AnyArray &sigma_t, const AnyArray &sigma_s,
                     .c_str());
         channels = std::max(channels, array->shape(0));
     }
+    scene.extinctions = int(sigma_t.shape(0));
+    scene.scatterings = int(sigma_s.shape(0));
     for (std::size_t i = 0; i < 3; ++i) {
         if (sigma_t.shape(i + 1) > INT_MAX / 8)
             throw nb::value_error(("sigma_t has shape " + volillum::shape_text(sigma_t) +
@@ -60,32 +62,40 @@ Result cone_transport(const AnyArray &sigma_t, const AnyArray &sigma_s,
     if (directions.shape(0) > 1000000)
         throw nb::value_error("directions holds more than 1000000 directions");
     scene.count = int(directions.shape(0));
-    scene.weights = require<double>(weights, "weights", "[d], one per direction", {scene.count});
+    if (weights.ndim() == 4) {
+        scene.local_weights = require<Real>(weights, "weights", "[d, m0, m1, m2] at nodes",
+                                            {scene.count, -1, -1, -1});
+        if (!(node_spacing >= 1))
+            throw nb::value_error(
+                ("node_spacing is " + std::to_string(node_spacing) + "; expected at least 1 voxel")
+                    .c_str());
+        scene.node_spacing = node_spacing;
+        for (std::size_t i = 0; i < 3; ++i) {
+            scene.nodes[i] = int(weights.shape(i + 1));
+            if ((std::int64_t(scene.nodes[i]) - 1) * node_spacing < scene.shape[i] - 1)
+                throw nb::value_error(("weights has shape " + volillum::shape_text(weights) +
+                                       "; expected nodes every " + std::to_string(node_spacing) +
+                                       " voxels up to the last")
+                                          .c_str());
+        }
+    } else {
+        scene.weights = require<double>(weights, "weights", "[d], one per direction, or at nodes",
+                                        {scene.count});
+    }
+    if (lamp) scene.lamp = require<double>(*lamp, "lamp", "[3]", {3});
 
-    const Real *visible = nullptr;
     if (transmittance)
-        visible = require<Real>(*transmittance, "transmittance", "sigma_t's shape",
-                                {std::int64_t(sigma_t.shape(0)), std::int64_t(sigma_t.shape(1)),
-                                 std::int64_t(sigma_t.shape(2)), std::int64_t(sigma_t.shape(3))});
+        scene.transmittance =
+            require<Real>(*transmittance, "transmittance", "sigma_t's shape",
+                          {std::int64_t(sigma_t.shape(0)), std::int64_t(sigma_t.shape(1)),
+                           std::int64_t(sigma_t.shape(2)), std::int64_t(sigma_t.shape(3))});
 
     Real *data = new Real[channels * voxels];
     const nb::capsule owner(data,
                             [](void *pointer) noexcept { delete[] static_cast<Real *>(pointer); });
     {
         const nb::gil_scoped_release release;
-        // Albedos are solved together where they share the extinction.
-        const std::size_t runs = sigma_t.shape(0), together = channels / runs;
-        scene.albedos = int(together);
-        for (std::size_t run = 0; run < runs; ++run) {
-            scene.sigma_t = extinction + run * voxels;
-            for (std::size_t i = 0; i < together; ++i)
-                scene.sigma_s[i] = scattering + (sigma_s.shape(0) > 1 ? (run + i) * voxels : 0);
-            if (visible) scene.transmittance = visible + run * voxels;
-            const volillum::ConeTransportSettings settings{spacing, threads, control,
-                                                           double(run) / double(runs),
-                                                           double(run + 1) / double(runs)};
-            volillum::cone_transport(scene, settings, data + run * together * voxels);
-        }
+        volillum::cone_transport(scene, {spacing, threads, control}, data);
     }
     return Result(data, {channels, sigma_t.shape(1), sigma_t.shape(2), sigma_t.shape(3)}, owner);
 }
@@ -105,7 +115,9 @@ negative, sigma_s at most sigma_t. One channel counts for all.
 index_to_world: float64 [4, 4]; any invertible affine.
 axis: float64 [3], unit vector toward the light.
 directions: float64 [d, 3], unit vectors outward; cosine to the axis at least 0.001.
-weights: float64 [d], not negative, sum 1.
+weights: float64 [d], not negative, sum 1. Or float32 [d, m0, m1, m2], at nodes every
+`node_spacing` voxels from the first on: the cones of a lamp turn from place to place.
+lamp: None, or float64 [3]: rays end where they are nearest to this place.
 transmittance: None, or float32 of sigma_t's shape: sum_d weights[d] T(x, infinity) from the
 `sweep`, which is better at hard surfaces than the light's lattice. The light that is lost,
 1 - L_i, is then taken in proportion to 1 - transmittance; with sigma_s = 0 it is returned.
@@ -121,5 +133,6 @@ wrong types.)";
 void bind_cone_transport(nb::module_ &module) {
     module.def("cone_transport", &cone_transport, "sigma_t"_a, "sigma_s"_a, "index_to_world"_a,
                "axis"_a, "directions"_a, "weights"_a, nb::kw_only(), "transmittance"_a = nb::none(),
-               "spacing"_a = 1.0, "threads"_a = 0, "control"_a = nb::none(), cone_transport_doc);
+               "node_spacing"_a = 1, "lamp"_a = nb::none(), "spacing"_a = 1.0, "threads"_a = 0,
+               "control"_a = nb::none(), cone_transport_doc);
 }

@@ -73,7 +73,7 @@ Result three_channels(const volillum::Index3 &shape, Fill &&fill) {
 
 Result mean_hue(const AnyArray &sigma_t, const AnyArray &source, const AnyArray &index_to_world,
                 const AnyArray &directions, const AnyArray &weights, const AnyArray &hue,
-                int near_slices, int threads, Control *control) {
+                int node_spacing, int near_slices, int threads, Control *control) {
     RadianceScene scene;
     scene.sigma_t = require<Real>(sigma_t, "sigma_t", "[1 or 3, nx, ny, nz]", {-1, -1, -1, -1});
     if (sigma_t.shape(0) != 1 && sigma_t.shape(0) != 3)
@@ -85,12 +85,25 @@ Result mean_hue(const AnyArray &sigma_t, const AnyArray &source, const AnyArray 
     scene.source = require<Real>(source, "source", "[3, nx, ny, nz], sigma_t's lattice",
                                  {3, scene.shape[0], scene.shape[1], scene.shape[2]});
     read_directions(index_to_world, directions, scene);
-    const Real *weight =
-        require<Real>(weights, "weights", "[d], one for each direction", {scene.count});
+    const Real *weight = nullptr;
+    if (node_spacing < 0)
+        throw nb::value_error(("node_spacing is " + std::to_string(node_spacing) +
+                               "; expected 1 or more voxels, or 0 for even weights")
+                                  .c_str());
+    if (node_spacing == 0) {
+        weight = require<Real>(weights, "weights", "[d], one for each direction", {scene.count});
+    } else {
+        std::int64_t nodes[3];
+        for (std::size_t axis = 0; axis < 3; ++axis)
+            nodes[axis] = volillum::weight_nodes(scene.shape[axis], node_spacing);
+        weight = require<Real>(weights, "weights", "[d, gi, gj, gk] at the nodes",
+                               {scene.count, nodes[0], nodes[1], nodes[2]});
+    }
     scene.hue = read_rgb(hue, "hue");
     const RadianceSettings settings{near_slices, threads, control};
-    return three_channels(scene.shape,
-                          [&](Real *out) { volillum::mean_hue(scene, weight, settings, out); });
+    return three_channels(scene.shape, [&](Real *out) {
+        volillum::mean_hue(scene, weight, node_spacing, settings, out);
+    });
 }
 
 Result mean_hue_uniform(const AnyArray &sigma_t, const AnyArray &index_to_world,
@@ -130,7 +143,8 @@ sigma_t: float32 [1 or 3, nx, ny, nz] per world unit; source: float32 [3, nx, ny
 world unit in units of the light's luminance. C-contiguous, finite, not negative.
 index_to_world: float64 [4, 4]; any invertible affine; only its linear part matters.
 directions: float64 [d, 3], unit vectors in world space, from the voxel outward.
-weights: float32 [d].
+weights: float32 [d]; or, with a node_spacing, [d, gi, gj, gk] at nodes every so many voxels, linear
+between them, as in sweep_weighted.
 hue: float64 [3], the light's radiance over its luminance.
 threads: 0: all cores. The result is the same, bit for bit, for any number.
 control: cancels (raises Cancelled) and tells the progress.
@@ -154,8 +168,8 @@ The other arguments, result and errors as in mean_hue.)";
 
 void bind_radiance_sweep(nb::module_ &module) {
     module.def("mean_hue", &mean_hue, "sigma_t"_a, "source"_a, "index_to_world"_a, "directions"_a,
-               "weights"_a, "hue"_a, nb::kw_only(), "near_slices"_a = 4, "threads"_a = 0,
-               "control"_a = nb::none(), mean_hue_doc);
+               "weights"_a, "hue"_a, nb::kw_only(), "node_spacing"_a = 0, "near_slices"_a = 4,
+               "threads"_a = 0, "control"_a = nb::none(), mean_hue_doc);
     module.def("mean_hue_uniform", &mean_hue_uniform, "sigma_t"_a, "index_to_world"_a,
                "directions"_a, "weights"_a, "hue"_a, "extinction"_a, "source_function"_a,
                nb::kw_only(), "near_slices"_a = 4, "threads"_a = 0, "control"_a = nb::none(),

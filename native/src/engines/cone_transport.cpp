@@ -1,9 +1,11 @@
 #include "volillum/cone_transport.h"
 
 #include <algorithm>
+#include <array>
 #include <stdexcept>
 #include <string>
 
+#include "cone_transport_lamp.h"
 #include "cone_transport_lattice.h"
 #include "cone_transport_state.h"
 #include "cone_transport_voxels.h"
@@ -45,9 +47,10 @@ public:
           settings_(settings),
           lattice_(scene, settings.spacing, check_directions(scene)),
           rays_(plan_rays(scene, lattice_)),
+          lamp_(scene, settings.spacing, lattice_),
           threads_(thread_count(settings.threads)),
           skew_(row_reach(rays_) + 1),
-          albedos_(scene.albedos) {
+          albedos_(scene.extinctions == 1 ? scene.scatterings : 1) {
         Real longest = 0;
         for (const Ray &ray : rays_) longest = std::max(longest, ray.length);
         largest_ = Real(kOpaque / double(longest));
@@ -63,6 +66,7 @@ public:
             slice.planes.resize(lattice_.rows, skew_, layout, albedos_);
             slice.sums.resize(layout, albedos_);
             slice.moves.resize(rays_.size());
+            if (scene.local_weights) slice.weights.resize(layout, rays_.size());
         }
         // A row of memory is taken by new rays only when no slab in flight has the old ones.
         const int spare = skew_ * kSlabSlices * (threads_ + 1);
@@ -72,8 +76,50 @@ public:
     }
 
     void run(Real *out) {
-        const double middle =
-            settings_.progress_begin + 0.95 * (settings_.progress_end - settings_.progress_begin);
+        const std::ptrdiff_t voxels =
+            std::ptrdiff_t(scene_.shape[0]) * scene_.shape[1] * scene_.shape[2];
+        const double from = settings_.progress_begin;
+        const double share = (settings_.progress_end - from) / scene_.extinctions;
+        for (int run = 0; run < scene_.extinctions; ++run) {
+            std::array<Reals, 1 + kMostAlbedos> copies;
+            // `sample_medium` reads beyond the last of lone elements.
+            const auto readable = [&](const Real *values, Reals &copy) {
+                if (scene_.shape[2] > 1) return values;
+                copy.assign(values, values + voxels);
+                copy.push_back(0);
+                return static_cast<const Real *>(copy.data());
+            };
+            sigma_t_ = readable(scene_.sigma_t + run * voxels, copies[kMostAlbedos]);
+            for (std::size_t i = 0; i < std::size_t(albedos_); ++i)
+                sigma_s_[i] =
+                    readable(scene_.sigma_s + (scene_.scatterings > 1 ? run + int(i) : 0) * voxels,
+                             copies[i]);
+            const Real *transmittance =
+                scene_.transmittance ? scene_.transmittance + run * voxels : nullptr;
+            solve_channel(transmittance, from + run * share, from + (run + 1) * share,
+                          out + run * albedos_ * voxels);
+        }
+    }
+
+private:
+    // How a direction's rays come to a slice.
+    struct Move {
+        Crossing before, here;
+    };
+    struct Slice {
+        SlicePlanes planes;
+        SumRows sums;
+        WeightRows weights;
+        std::vector<Move> moves;
+    };
+
+    Slice &slice_at(int slice) {
+        return slices_[std::size_t(slice + kSlabSlices) % slices_.size()];
+    }
+
+    void solve_channel(const Real *transmittance, double begin, double end, Real *out) {
+        const double middle = begin + 0.95 * (end - begin);
+        slice_at(-1).planes.clear();  // nothing lies before the first slice
         Progress progress(slabs_);
         parallel_for(
             std::size_t(slabs_), threads_, settings_.control,
@@ -85,27 +131,11 @@ public:
                     throw;
                 }
             },
-            settings_.progress_begin, middle);
-        const VoxelRows rows(scene_, lattice_, solution_);
+            begin, middle);
+        const VoxelRows rows(scene_.shape, lattice_, solution_, transmittance);
         parallel_for(
             std::size_t(scene_.shape[0]), threads_, settings_.control,
-            [&](std::size_t plane, int) { rows.write(int(plane), out); }, middle,
-            settings_.progress_end);
-    }
-
-private:
-    // How a direction's rays come to a slice.
-    struct Move {
-        Crossing before, here;
-    };
-    struct Slice {
-        SlicePlanes planes;
-        SumRows sums;
-        std::vector<Move> moves;
-    };
-
-    Slice &slice_at(int slice) {
-        return slices_[std::size_t(slice + kSlabSlices) % slices_.size()];
+            [&](std::size_t plane, int) { rows.write(int(plane), albedos_, out); }, middle, end);
     }
 
     void march(int slab, Progress &progress) {
@@ -130,7 +160,11 @@ private:
     void march_row(int slice, int row) {
         Slice &here = slice_at(slice);
         if (row < 0) here.sums.clear();
-        if (row + 1 < lattice_.rows) sample(slice, row + 1, here.planes);
+        if (row + 1 < lattice_.rows) {
+            sample(slice, row + 1, here.planes);
+            if (scene_.local_weights)
+                lamp_.weigh(slice, row + 1, lattice_.span(slice, row + 1), here.weights);
+        }
         const Span rays = lattice_.rays(slice, row);
         if (!rays.empty()) {
             // Whole lanes, on cache lines.
@@ -151,17 +185,22 @@ private:
         const RayRow state = states_[d].at(row - move.here.row);
         renew(state, lattice_.rays(slice - 1, row - row_shift), rays.begin - shift,
               rays.end - shift);
-        const StepRow step{state,
-                           shift,
-                           slice_at(slice - 1).planes.rows(row - row_shift, -shift),
-                           here.planes.rows(row, 0),
-                           Taps(move.before.row_fraction, move.before.column_fraction),
-                           Taps(move.here.row_fraction, move.here.column_fraction),
-                           ray.length};
+        StepRow step{state,
+                     shift,
+                     slice_at(slice - 1).planes.rows(row - row_shift, -shift),
+                     here.planes.rows(row, 0),
+                     Taps(move.before.row_fraction, move.before.column_fraction),
+                     Taps(move.here.row_fraction, move.here.column_fraction),
+                     ray.length};
+        if (scene_.lamp) lamp_.end(slice, row, move.here, d, rays, step);
         step_row(step, albedos_, begin, count);
-        add_row({state, move.here.row_fraction, move.here.column_fraction, ray.weight,
-                 here.sums.at(row), here.sums.at(row + 1)},
-                albedos_, begin, count);
+        AddRow add{state,      move.here.row_fraction, move.here.column_fraction,
+                   ray.weight, here.sums.at(row),      here.sums.at(row + 1)};
+        if (scene_.local_weights) {
+            add.own_weights = here.weights.at(row, d);
+            add.next_weights = here.weights.at(row + 1, d);
+        }
+        add_row(add, albedos_, begin, count);
     }
 
     // Rays that come from beside those that are held have met nothing.
@@ -182,8 +221,8 @@ private:
     void sample(int slice, int row, SlicePlanes &planes) const {
         const Span span = lattice_.span(slice, row);
         clear_beside(planes.sigma_t(row), span);
-        MediumRow medium{scene_.sigma_t,
-                         scene_.sigma_s,
+        MediumRow medium{sigma_t_,
+                         sigma_s_,
                          albedos_,
                          scene_.shape,
                          lattice_.index_of(slice, row, span.begin),
@@ -224,8 +263,11 @@ private:
     const ConeTransportSettings &settings_;
     Lattice lattice_;
     std::vector<Ray> rays_;
+    LampCones lamp_;
     int threads_, skew_, albedos_, slabs_ = 0, band_rows_ = 0, bands_ = 0;
     Real largest_ = 0;
+    const Real *sigma_t_ = nullptr;  // of the extinction that is solved
+    AlbedoFields sigma_s_{};
     std::vector<Slice> slices_;  // of the slabs in flight and the one before
     std::vector<RayState> states_;
     Solution solution_;

@@ -1,6 +1,7 @@
 #include "cone_transport_kernels.h"
 
 #include "volillum/exp_negative.h"
+#include "volillum/no_alias.h"
 
 namespace volillum::cone_detail {
 namespace {
@@ -29,12 +30,16 @@ VOLILLUM_INLINE void mean_distance(const Pack &a, const Pack &b, Pack &distance)
     distance = above / below;
 }
 
-template <int Albedos>
+// The columns of the lanes from c on.
+VOLILLUM_INLINE void columns_of(int c, Pack &columns) {
+    for (int lane = 0; lane < kLanes; ++lane) columns[lane] = Real(c + lane);
+}
+
+template <int Albedos, bool ends>
 VOLILLUM_INLINE void step(const StepRow &row, int begin, int count) {
     const RayRow rays = row.rays;
     const SliceRows before = row.before, here = row.here;
     const Taps taps_before = row.taps_before, taps_here = row.taps_here;
-    const Real length = row.length;
     const int shift = row.shift;
     // In place: where rays move to larger columns the last come first.
     const int stride = shift > 0 ? -kLanes : kLanes;
@@ -43,6 +48,14 @@ VOLILLUM_INLINE void step(const StepRow &row, int begin, int count) {
         Pack a, b;
         sample(before.sigma_t, taps_before, c, a);
         sample(here.sigma_t, taps_here, c, b);
+        Pack length = Pack{} + row.length;
+        if constexpr (ends) {
+            Pack share;
+            columns_of(c, share);
+            share = row.end_start - share * row.end_slope;
+            share = share > 0 ? share : Pack{};
+            length *= share < 1 ? share : Pack{} + 1;
+        }
         a *= length;
         b *= length;
         Pack transmitted = Real(0.5) * (a + b);
@@ -74,38 +87,80 @@ VOLILLUM_INLINE void step(const StepRow &row, int begin, int count) {
     }
 }
 
+template <bool local>
 VOLILLUM_INLINE void add(const Real *value, const AddRow &row, int begin, int count, Real *own,
                          Real *next) {
     const Real f = row.row_fraction, g = row.column_fraction;
     const Real before = row.weight * g, at = row.weight * (1 - g), here = 1 - f;
     for (int c = begin; c < begin + count; c += kLanes) {
         const Pack mean = before * pack(value + c - 1) + at * pack(value + c);
-        pack(own + c) = pack(own + c) + here * mean;
-        pack(next + c) = pack(next + c) + f * mean;
+        Pack for_own = here * mean, for_next = f * mean;
+        if constexpr (local) {
+            for_own *= pack(row.own_weights + c);
+            for_next *= pack(row.next_weights + c);
+        }
+        pack(own + c) = pack(own + c) + for_own;
+        pack(next + c) = pack(next + c) + for_next;
     }
+}
+
+template <bool local>
+VOLILLUM_INLINE void add_all(const AddRow &row, int albedos, int begin, int count) {
+    add<local>(row.rays.seen, row, begin, count, row.own.seen, row.next.seen);
+    for (int i = 0; i < albedos; ++i) {
+        add<local>(row.rays.known[i], row, begin, count, row.own.known[i], row.next.known[i]);
+        add<local>(row.rays.missing[i], row, begin, count, row.own.missing[i], row.next.missing[i]);
+    }
+}
+
+[[gnu::flatten]] VOLILLUM_DISPATCH void step_one(const StepRow &row, int begin, int count) {
+    step<1, false>(row, begin, count);
+}
+
+[[gnu::flatten]] VOLILLUM_DISPATCH void step_three(const StepRow &row, int begin, int count) {
+    step<3, false>(row, begin, count);
+}
+
+[[gnu::flatten]] VOLILLUM_DISPATCH void end_one(const StepRow &row, int begin, int count) {
+    step<1, true>(row, begin, count);
+}
+
+[[gnu::flatten]] VOLILLUM_DISPATCH void end_three(const StepRow &row, int begin, int count) {
+    step<3, true>(row, begin, count);
+}
+
+[[gnu::flatten]] VOLILLUM_DISPATCH void add_even(const AddRow &row, int albedos, int begin,
+                                                 int count) {
+    add_all<false>(row, albedos, begin, count);
+}
+
+[[gnu::flatten]] VOLILLUM_DISPATCH void add_local(const AddRow &row, int albedos, int begin,
+                                                  int count) {
+    add_all<true>(row, albedos, begin, count);
 }
 
 }  // namespace
 
-[[gnu::flatten]] VOLILLUM_DISPATCH static void step_one(const StepRow &row, int begin, int count) {
-    step<1>(row, begin, count);
-}
-
-[[gnu::flatten]] VOLILLUM_DISPATCH static void step_three(const StepRow &row, int begin,
-                                                          int count) {
-    step<3>(row, begin, count);
-}
-
 void step_row(const StepRow &row, int albedos, int begin, int count) {
-    (albedos == 1 ? step_one : step_three)(row, begin, count);
+    if (row.ends)
+        (albedos == 1 ? end_one : end_three)(row, begin, count);
+    else
+        (albedos == 1 ? step_one : step_three)(row, begin, count);
 }
 
-[[gnu::flatten]] VOLILLUM_DISPATCH void add_row(const AddRow &row, int albedos, int begin,
-                                                int count) {
-    add(row.rays.seen, row, begin, count, row.own.seen, row.next.seen);
-    for (int i = 0; i < albedos; ++i) {
-        add(row.rays.known[i], row, begin, count, row.own.known[i], row.next.known[i]);
-        add(row.rays.missing[i], row, begin, count, row.own.missing[i], row.next.missing[i]);
+void add_row(const AddRow &row, int albedos, int begin, int count) {
+    (row.own_weights ? add_local : add_even)(row, albedos, begin, count);
+}
+
+VOLILLUM_DISPATCH void expand_row(const Real *nodes, int spacing, int begin, int count,
+                                  Real *values) {
+    const Real per_column = Real(1) / Real(spacing);
+    VOLILLUM_NO_ALIAS
+    for (int i = 0; i < count; ++i) {
+        const Real at = Real(begin + i) * per_column;
+        const int low = int(at);
+        const Real fraction = at - Real(low);
+        values[i] = (1 - fraction) * nodes[low] + fraction * nodes[low + 1];
     }
 }
 

@@ -1,10 +1,15 @@
 // Leaf kernels of the cone transport, over rows of lattice points or rays.
 #pragma once
 
-#include "volillum/cone_transport.h"
+#include <array>
+
 #include "volillum/real.h"
 
 namespace volillum::cone_detail {
+
+// Albedos that are solved together where they share the extinction.
+constexpr int kMostAlbedos = 3;
+using AlbedoFields = std::array<const Real *, kMostAlbedos>;
 
 // Bilinear samples along a row: weights of (row, column), (row, column + 1), (row + 1, ...).
 struct Taps {
@@ -38,6 +43,10 @@ struct StepRow {
     SliceRows before, here;  // before at column 0, minus the shift; here.in_scattered is not read
     Taps taps_before, taps_here;
     Real length;
+    // Rays end at a lamp: the share of the step that lies before it is start - c * slope, from 0
+    // to 1.
+    bool ends = false;
+    Real end_start = 0, end_slope = 0;
 };
 
 // Sums over directions at the lattice points of two neighbouring rows.
@@ -45,10 +54,12 @@ struct AddRow {
     RayRow rays;
     Real row_fraction, column_fraction, weight;
     RayRow own, next;
+    // Null, or weights of the two rows' points, beside `weight`.
+    const Real *own_weights = nullptr, *next_weights = nullptr;
 };
 
 // sigma_t and sigma_t - sigma_s of the trilinear medium at index + c * step, c in [0, count).
-// sigma_t is clipped to `largest`.
+// sigma_t is clipped to `largest`. Where the last side is 1 an element beyond the last is read.
 struct MediumRow {
     const Real *sigma_t;
     AlbedoFields sigma_s;
@@ -66,6 +77,10 @@ void step_row(const StepRow &row, int albedos, int begin, int count);
 // Adds weight * (rays interpolated at lattice points). Lattice points lie before the rays of their
 // own column and row, so a row of rays counts for its own row of points and the next.
 void add_row(const AddRow &row, int albedos, int begin, int count);
+
+// Values that are linear between nodes every `spacing` columns, from column 0 on, for the columns
+// [begin, begin + count).
+void expand_row(const Real *nodes, int spacing, int begin, int count, Real *values);
 
 // L_i = known / missing, to `in_scattered`.
 void solve_row(const Real *known, const Real *missing, int begin, int end, Real *in_scattered);

@@ -66,13 +66,17 @@ double check_directions(const ConeTransportScene &scene) {
         if (!(cosine >= kSmallestCosine))
             throw std::invalid_argument(label + " has the cosine " + std::to_string(cosine) +
                                         " to the axis; expected at least 0.001");
+        if (scene.local_weights) {
+            steepest = std::max(steepest, std::sqrt(std::max(0.0, 1 - cosine * cosine)) / cosine);
+            continue;
+        }
         if (!(scene.weights[d] >= 0))
             throw std::invalid_argument("weight " + std::to_string(d) + " is " +
                                         std::to_string(scene.weights[d]) + "; expected 0 or more");
         sum += scene.weights[d];
         steepest = std::max(steepest, std::sqrt(std::max(0.0, 1 - cosine * cosine)) / cosine);
     }
-    if (!(std::abs(sum - 1) <= kUnit))
+    if (!scene.local_weights && !(std::abs(sum - 1) <= kUnit))
         throw std::invalid_argument("weights sum to " + std::to_string(sum) + "; expected 1");
     return steepest;
 }
@@ -166,6 +170,12 @@ Lattice::Lattice(const ConeTransportScene &scene, double spacing, double steepes
             if (!spans_[at].empty()) total += std::size_t(spans_[at].end - spans_[at].begin);
         }
     offsets_[at] = total;
+    // Points are counted in int where voxels look them up.
+    constexpr std::size_t most = std::numeric_limits<int>::max() - 64;
+    if (total > most || spans_.size() > most)
+        throw std::invalid_argument("the lattice of the light has " + std::to_string(total) +
+                                    " points; expected at most " + std::to_string(most) +
+                                    ": a larger spacing");
 }
 
 Vec3d Lattice::index_of(double slice, double row, double column) const {
@@ -199,7 +209,7 @@ std::vector<Ray> plan_rays(const ConeTransportScene &scene, const Lattice &latti
         const double slices = along(outward, lattice.slice_step);
         rays.push_back({along(outward, lattice.row_step) / slices,
                         along(outward, lattice.column_step) / slices, Real(-1 / slices),
-                        Real(scene.weights[d])});
+                        scene.local_weights ? Real(1) : Real(scene.weights[d])});
     }
     return rays;
 }

@@ -1,5 +1,6 @@
 // The medium on a row of lattice points.
 #include <algorithm>
+#include <cstring>
 
 #include "cone_transport_kernels.h"
 #include "volillum/no_alias.h"
@@ -36,20 +37,56 @@ VOLILLUM_INLINE void place(double begin, double step, int size, int stride, Axis
     }
 }
 
-VOLILLUM_INLINE void fetch(const Real *values, const AxisPlaces &x, const AxisPlaces &y,
-                           const AxisPlaces &z, Real *out) {
+// Of the last axis: the element of a pair of neighbours, and their weights. A pair that would begin
+// or end beyond the row is moved inside, its weights with it.
+VOLILLUM_INLINE void place_pair(double begin, double step, int size, AxisPlaces &places) {
+    const double beyond = size;
     VOLILLUM_NO_ALIAS
     for (int c = 0; c < kChunk; ++c) {
-        const int at = x.low[c] + y.low[c] + z.low[c];
-        const int dx = x.step[c], dy = y.step[c], dz = z.step[c];
+        const double at = begin + c * step;
+        const double above = at > -1.0 ? at : -1.0, clipped = above < beyond ? above : beyond;
+        const int floor = int(clipped + 1.0) - 1;
+        const int low = floor > 0 ? floor : 0, last = size > 1 ? size - 2 : 0;
+        places.low[c] = low < last ? low : last;
+        // The hat functions of both elements.
+        const Real from = Real(clipped - places.low[c]), one = 1 - from, two = 2 - from;
+        const Real rising = 1 + from;
+        const Real first = from < 0 ? rising : one, second = from < 1 ? from : two;
+        places.low_weight[c] = first > 0 ? first : Real(0);
+        places.high_weight[c] = second > 0 && size > 1 ? second : Real(0);
+    }
+}
+
+// Two neighbours with one load.
+struct Pair {
+    Real first, second;
+};
+VOLILLUM_INLINE Pair pair_at(const Real *values) {
+    Pair pair;
+    std::memcpy(&pair, values, sizeof pair);
+    return pair;
+}
+
+VOLILLUM_INLINE void fetch(const Real *values, const AxisPlaces &x, const AxisPlaces &y,
+                           const AxisPlaces &z, Real *out) {
+    Pair pairs[4][kChunk];
+    for (int c = 0; c < kChunk; ++c) {
+        const Real *at = values + (x.low[c] + y.low[c] + z.low[c]);
+        pairs[0][c] = pair_at(at);
+        pairs[1][c] = pair_at(at + y.step[c]);
+        pairs[2][c] = pair_at(at + x.step[c]);
+        pairs[3][c] = pair_at(at + x.step[c] + y.step[c]);
+    }
+    VOLILLUM_NO_ALIAS
+    for (int c = 0; c < kChunk; ++c) {
         const Real w00 = x.low_weight[c] * y.low_weight[c];
         const Real w01 = x.low_weight[c] * y.high_weight[c];
         const Real w10 = x.high_weight[c] * y.low_weight[c];
         const Real w11 = x.high_weight[c] * y.high_weight[c];
-        const Real near = w00 * values[at] + w01 * values[at + dy] + w10 * values[at + dx] +
-                          w11 * values[at + dx + dy];
-        const Real far = w00 * values[at + dz] + w01 * values[at + dy + dz] +
-                         w10 * values[at + dx + dz] + w11 * values[at + dx + dy + dz];
+        const Real near = w00 * pairs[0][c].first + w01 * pairs[1][c].first +
+                          w10 * pairs[2][c].first + w11 * pairs[3][c].first;
+        const Real far = w00 * pairs[0][c].second + w01 * pairs[1][c].second +
+                         w10 * pairs[2][c].second + w11 * pairs[3][c].second;
         out[c] = z.low_weight[c] * near + z.high_weight[c] * far;
     }
 }
@@ -63,7 +100,7 @@ VOLILLUM_DISPATCH void sample_medium(const MediumRow &row, int count) {
         const auto at = [&](int axis) { return row.index[axis] + begin * row.step[axis]; };
         place(at(0), row.step[0], row.shape[0], row.shape[1] * row.shape[2], x);
         place(at(1), row.step[1], row.shape[1], row.shape[2], y);
-        place(at(2), row.step[2], row.shape[2], 1, z);
+        place_pair(at(2), row.step[2], row.shape[2], z);
         const int size = std::min(kChunk, count - begin);
         fetch(row.sigma_t, x, y, z, total);
         for (int c = 0; c < size; ++c) {

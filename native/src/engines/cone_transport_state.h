@@ -87,8 +87,11 @@ class SlicePlanes {
 public:
     void resize(int rows, int reach, const RowLayout &layout, int albedos) {
         albedos_ = albedos;
-        planes_.resize(-reach - 2, rows + 2 * reach + 4, 1 + 2 * albedos, layout);
+        first_ = -reach - 2;
+        rows_ = rows + 2 * reach + 4;
+        planes_.resize(first_, rows_, 1 + 2 * albedos, layout);
     }
+    void clear() { planes_.clear(first_, rows_); }
     Real *sigma_t(int row) { return planes_.at(row, 0); }
     Real *sigma_a(int row, int i) { return planes_.at(row, 1 + i); }
     Real *in_scattered(int row, int i) { return planes_.at(row, 1 + albedos_ + i); }
@@ -106,7 +109,7 @@ public:
     }
 
 private:
-    int albedos_ = 1;
+    int albedos_ = 1, first_ = 0, rows_ = 0;
     Rowed planes_;
 };
 
@@ -132,6 +135,18 @@ public:
 private:
     int albedos_ = 1;
     Rowed sums_;
+};
+
+// Local weights of the directions at the points of two rows at a time.
+class WeightRows {
+public:
+    void resize(const RowLayout &layout, std::size_t directions) {
+        weights_.resize(0, 2, int(directions), layout);
+    }
+    Real *at(int row, std::size_t direction) { return weights_.at(row & 1, int(direction)); }
+
+private:
+    Rowed weights_;
 };
 
 // Lets slabs wait, without spinning, for the bands of the slab before that they read.

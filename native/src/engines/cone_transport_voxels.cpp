@@ -14,13 +14,13 @@ constexpr int kChunk = 4 * kLanes;
 
 // The lattice points about some voxels, with trilinear weights.
 struct Neighbours {
-    std::ptrdiff_t at[4][kChunk];
+    int at[4][kChunk];
     Real weight[4][kChunk], along[kChunk];
 };
 
 // Of `count` voxels in a row; what is found beyond is that of the last.
-VOLILLUM_DISPATCH void find(const Vec3d &first, const Vec3d &step, int count,
-                            const std::ptrdiff_t *starts, std::ptrdiff_t rows, Neighbours &near) {
+VOLILLUM_DISPATCH void find(const Vec3d &first, const Vec3d &step, int count, const int *starts,
+                            int rows, Neighbours &near) {
     VOLILLUM_NO_ALIAS
     for (int voxel = 0; voxel < kChunk; ++voxel) {
         const int k = voxel < count ? voxel : count - 1;
@@ -33,7 +33,7 @@ VOLILLUM_DISPATCH void find(const Vec3d &first, const Vec3d &step, int count,
             return Real(above > 0.0 ? above : 0.0);
         };
         const Real f = fraction(s, slice), g = fraction(r, row);
-        const std::ptrdiff_t at = slice * rows + row;
+        const int at = slice * rows + row;
         near.at[0][voxel] = starts[at] + column;
         near.at[1][voxel] = starts[at + 1] + column;
         near.at[2][voxel] = starts[at + rows] + column;
@@ -112,35 +112,33 @@ VOLILLUM_DISPATCH void follow(const Real *exact, const Real *seen, Real *solved)
 
 }  // namespace
 
-VoxelRows::VoxelRows(const ConeTransportScene &scene, const Lattice &lattice,
-                     const Solution &solution)
-    : scene_(scene), lattice_(lattice), solution_(solution) {
+VoxelRows::VoxelRows(const Index3 &shape, const Lattice &lattice, const Solution &solution,
+                     const Real *transmittance)
+    : shape_(shape), transmittance_(transmittance), lattice_(lattice), solution_(solution) {
     starts_.reserve(std::size_t(lattice.slices) * std::size_t(lattice.rows));
     for (int slice = 0; slice < lattice.slices; ++slice)
         for (int row = 0; row < lattice.rows; ++row)
-            starts_.push_back(std::ptrdiff_t(lattice.offset(slice, row)) -
-                              lattice.span(slice, row).begin);
+            starts_.push_back(int(lattice.offset(slice, row)) - lattice.span(slice, row).begin);
 }
 
-void VoxelRows::write(int plane, Real *out) const {
-    const std::ptrdiff_t voxels =
-        std::ptrdiff_t(scene_.shape[0]) * scene_.shape[1] * scene_.shape[2];
+void VoxelRows::write(int plane, int albedos, Real *out) const {
+    const std::ptrdiff_t voxels = std::ptrdiff_t(shape_[0]) * shape_[1] * shape_[2];
     const Vec3d step = lattice_.position_per_voxel();
     Neighbours near;
     alignas(64) Real solved[kChunk], seen[kChunk], exact[kChunk] = {};
-    for (int j = 0; j < scene_.shape[1]; ++j) {
-        const std::ptrdiff_t row = (std::ptrdiff_t(plane) * scene_.shape[1] + j) * scene_.shape[2];
-        for (int k = 0; k < scene_.shape[2]; k += kChunk) {
-            const int count = std::min(kChunk, scene_.shape[2] - k);
+    for (int j = 0; j < shape_[1]; ++j) {
+        const std::ptrdiff_t row = (std::ptrdiff_t(plane) * shape_[1] + j) * shape_[2];
+        for (int k = 0; k < shape_[2]; k += kChunk) {
+            const int count = std::min(kChunk, shape_[2] - k);
             find(lattice_.position_of({double(plane), double(j), double(k)}), step, count,
                  starts_.data(), lattice_.rows, near);
-            if (scene_.transmittance) {
+            if (transmittance_) {
                 mean(solution_.seen.data(), near, seen);
-                std::copy_n(scene_.transmittance + row + k, count, exact);
+                std::copy_n(transmittance_ + row + k, count, exact);
             }
-            for (int i = 0; i < scene_.albedos; ++i) {
+            for (int i = 0; i < albedos; ++i) {
                 mean(solution_.in_scattered[i].data(), near, solved);
-                if (scene_.transmittance) follow(exact, seen, solved);
+                if (transmittance_) follow(exact, seen, solved);
                 std::copy_n(solved, count, out + i * voxels + row + k);
             }
         }

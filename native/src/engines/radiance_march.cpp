@@ -113,21 +113,23 @@ VOLILLUM_DISPATCH void unshear(const Real *above, const Real *here, std::ptrdiff
 }
 
 VOLILLUM_DISPATCH void add_hue(const Real *radiance, std::ptrdiff_t stride, int columns,
-                               const Real *hue, Real weight, Real *out, std::ptrdiff_t out_stride) {
+                               const Real *hue, const Real *weights, Real *out,
+                               std::ptrdiff_t out_stride) {
     const Real *__restrict red = radiance;
     const Real *__restrict green = radiance + stride;
     const Real *__restrict blue = radiance + 2 * stride;
     Real *__restrict out_red = out;
     Real *__restrict out_green = out + out_stride;
     Real *__restrict out_blue = out + 2 * out_stride;
-    const Real hue_red = weight * hue[0], hue_green = weight * hue[1], hue_blue = weight * hue[2];
+    const Real *__restrict weight = weights;
+    const Real hue_red = hue[0], hue_green = hue[1], hue_blue = hue[2];
     for (int c = 0; c < columns; ++c) {
         const Real luminance = kRed * red[c] + kGreen * green[c] + kBlue * blue[c];
         const bool dark = !(luminance >= kDark);
-        const Real scale = weight / (dark ? Real(1) : luminance);
-        out_red[c] += dark ? hue_red : scale * red[c];
-        out_green[c] += dark ? hue_green : scale * green[c];
-        out_blue[c] += dark ? hue_blue : scale * blue[c];
+        const Real scale = weight[c] / (dark ? Real(1) : luminance);
+        out_red[c] += scale * (dark ? hue_red : red[c]);
+        out_green[c] += scale * (dark ? hue_green : green[c]);
+        out_blue[c] += scale * (dark ? hue_blue : blue[c]);
     }
 }
 

@@ -33,8 +33,8 @@ void step(const Step &rays, Real *radiance);
 void unshear(const Real *above, const Real *here, std::ptrdiff_t lattice_stride,
              const Crossing &crossing, int columns, std::ptrdiff_t stride, Real *radiance);
 
-// out[c] += weight * gamma_c(radiance), channels `out_stride` apart.
-void add_hue(const Real *radiance, std::ptrdiff_t stride, int columns, const Real *hue, Real weight,
-             Real *out, std::ptrdiff_t out_stride);
+// out[c] += weights * gamma_c(radiance), channels `out_stride` apart.
+void add_hue(const Real *radiance, std::ptrdiff_t stride, int columns, const Real *hue,
+             const Real *weights, Real *out, std::ptrdiff_t out_stride);
 
 }  // namespace volillum::radiance_detail

@@ -7,8 +7,10 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <optional>
 
 #include "radiance_march.h"
+#include "sweep_weights.h"
 #include "volillum/parallel.h"
 
 namespace volillum {
@@ -22,6 +24,7 @@ struct Workspace {
     Reals radiance, samples;           // [row][3 or channels][width] of the lattice rays
     std::vector<unsigned char> dense;  // whether the row's last sample held anything
     Reals sample, near, far, row;      // [channels or 3][columns]
+    Reals row_weights;                 // of a row of voxels
     std::vector<const Real *> rows;
     std::vector<Real> weights;
 };
@@ -32,6 +35,7 @@ struct Sweep {
     const Direction &direction;
     const RadianceScene &scene;
     int near_slices;
+    const sweep_detail::LatticeWeights *local;  // null: `weight` everywhere
     Real weight;
     Real *out;  // in the layout of the frame: columns contiguous
     std::ptrdiff_t out_slice, out_row, volume;
@@ -57,6 +61,7 @@ public:
         stride_ = round_up(s_.layers.columns + 1) + kLanes;
         for (Reals *buffer : {&w_.sample, &w_.near, &w_.far, &w_.row})
             buffer->resize(std::size_t(channels_) * std::size_t(stride_));
+        w_.row_weights.assign(std::size_t(stride_), s_.weight);
         for (int k = 0; k < 3; ++k) hue_[k] = static_cast<Real>(s_.scene.hue[std::size_t(k)]);
     }
 
@@ -126,7 +131,16 @@ private:
             std::swap(w_.near, w_.far);
             far_filled = filled;
         }
-        add_hue(w_.row.data(), stride_, columns, hue_, s_.weight,
+        if (s_.local) {
+            // Slices, rows and columns of the frame, as voxels.
+            const Layers &layers = s_.layers;
+            Index3 first{};
+            first[std::size_t(layers.axis)] = s_.index(t);
+            first[std::size_t(layers.row_axis)] = b;
+            s_.local->row(s_.direction.index, first, layers.column_axis, columns,
+                          w_.row_weights.data());
+        }
+        add_hue(w_.row.data(), stride_, columns, hue_, w_.row_weights.data(),
                 s_.out + s_.index(t) * s_.out_slice + b * s_.out_row, s_.volume);
     }
 
@@ -182,14 +196,16 @@ void transpose_planes(Real *data, std::ptrdiff_t planes, int rows, int columns, 
 }  // namespace
 }  // namespace radiance_detail
 
-void mean_hue(const RadianceScene &scene, const Real *weights, const RadianceSettings &settings,
-              Real *out) {
+void mean_hue(const RadianceScene &scene, const Real *weights, int node_spacing,
+              const RadianceSettings &settings, Real *out) {
     using namespace radiance_detail;
     const auto plan = plan_directions(scene, settings.near_slices);
     const Index3 &shape = scene.shape;
     const std::ptrdiff_t volume = std::ptrdiff_t(shape[0]) * shape[1] * shape[2];
     std::fill_n(out, 3 * volume, Real(0));
     std::vector<Workspace> workspaces(std::size_t(thread_count(settings.threads)));
+    std::optional<sweep_detail::LatticeWeights> local;
+    if (node_spacing > 0) local.emplace(weights, shape, node_spacing);
     int done = 0;
     // Passes along k write with j and k exchanged; they come first, onto zeros.
     for (const int axis : {2, 0, 1}) {
@@ -200,9 +216,19 @@ void mean_hue(const RadianceScene &scene, const Real *weights, const RadianceSet
         const int near_slices = std::min(settings.near_slices, shape[std::size_t(axis)]);
         const Layers layers(scene, axis, near_slices, longest, settings.threads);
         for (const Direction &direction : plan[std::size_t(axis)]) {
-            Sweep sweep{layers, direction, scene, near_slices, weights[direction.index],
-                        out,    0,         0,     volume,      0,
-                        0,      0};
+            Sweep sweep{layers,
+                        direction,
+                        scene,
+                        near_slices,
+                        local ? &*local : nullptr,
+                        local ? Real(1) : weights[direction.index],
+                        out,
+                        0,
+                        0,
+                        volume,
+                        0,
+                        0,
+                        0};
             const std::ptrdiff_t plane = std::ptrdiff_t(shape[1]) * shape[2];
             sweep.out_slice = axis == 0 ? plane : layers.columns;
             sweep.out_row = axis == 0 ? layers.columns : plane;

@@ -79,42 +79,49 @@ void LatticeWeights::sum(const Batch &batch, Reals &scratch, const Rows &out) co
     });
 }
 
-void LatticeWeights::sum_row(const Batch &batch, int t, int b, Real *row_weights,
-                             Real *sums) const {
-    const Frame &frame = batch.frame;
-    const Range &columns = batch.tile.columns;
+void LatticeWeights::row(int direction, const Index3 &first, int axis, int count,
+                         Real *row_weights) const {
     // The nodes on both sides of an index along an axis, and the fraction between them.
     struct Between {
         std::ptrdiff_t lower, upper;
         Real fraction;
     };
-    const auto between = [&](int axis, int index) {
+    const auto between = [&](int along, int index) {
         const int node = index / spacing_;
-        return Between{node * strides_[axis], std::min(node + 1, nodes_[axis] - 1) * strides_[axis],
+        return Between{node * strides_[along],
+                       std::min(node + 1, nodes_[along] - 1) * strides_[along],
                        Real(index - node * spacing_) / Real(spacing_)};
     };
-    const Between along = between(frame.axis, frame.index_along_axis(t));
-    const Between row = between(frame.row_axis, b);
-    const Real w00 = (1 - along.fraction) * (1 - row.fraction);
-    const Real w01 = (1 - along.fraction) * row.fraction;
-    const Real w10 = along.fraction * (1 - row.fraction), w11 = along.fraction * row.fraction;
+    const int one = axis == 0 ? 1 : 0, two = axis == 2 ? 1 : 2;
+    const Between a = between(one, first[one]), b = between(two, first[two]);
+    const Real w00 = (1 - a.fraction) * (1 - b.fraction), w01 = (1 - a.fraction) * b.fraction;
+    const Real w10 = a.fraction * (1 - b.fraction), w11 = a.fraction * b.fraction;
+    const Real *nodes = weights_ + direction * direction_stride_;
+    const auto node_weight = [&](std::ptrdiff_t column) {
+        return w00 * nodes[a.lower + b.lower + column] + w01 * nodes[a.lower + b.upper + column] +
+               w10 * nodes[a.upper + b.lower + column] + w11 * nodes[a.upper + b.upper + column];
+    };
+    const int begin = first[axis];
+    for (int c = begin; c < begin + count;) {  // one interval between nodes at a time
+        const Between column = between(axis, c);
+        const int interval = c / spacing_ * spacing_;
+        const int end = std::min(begin + count, interval + spacing_);
+        const Real low = node_weight(column.lower);
+        const Real slope = (node_weight(column.upper) - low) / Real(spacing_);
+        for (; c < end; ++c) row_weights[c - begin] = low + slope * Real(c - interval);
+    }
+}
+
+void LatticeWeights::sum_row(const Batch &batch, int t, int b, Real *row_weights,
+                             Real *sums) const {
+    const Frame &frame = batch.frame;
+    const Range &columns = batch.tile.columns;
+    Index3 first;
+    first[std::size_t(frame.axis)] = frame.index_along_axis(t);
+    first[std::size_t(frame.row_axis)] = b;
+    first[std::size_t(frame.column_axis)] = columns.begin;
     for (std::size_t d = 0; d < batch.directions.size(); ++d) {
-        const Real *nodes = weights_ + batch.directions[d] * direction_stride_;
-        const auto node_weight = [&](std::ptrdiff_t column) {
-            return w00 * nodes[along.lower + row.lower + column] +
-                   w01 * nodes[along.lower + row.upper + column] +
-                   w10 * nodes[along.upper + row.lower + column] +
-                   w11 * nodes[along.upper + row.upper + column];
-        };
-        for (int c = columns.begin; c < columns.end;) {  // one interval between nodes at a time
-            const Between column = between(frame.column_axis, c);
-            const int end = std::min(columns.end, (c / spacing_ + 1) * spacing_);
-            const Real first = node_weight(column.lower);
-            const Real slope = (node_weight(column.upper) - first) / Real(spacing_);
-            const int interval = c / spacing_ * spacing_;
-            for (; c < end; ++c)
-                row_weights[c - columns.begin] = first + slope * Real(c - interval);
-        }
+        row(batch.directions[d], first, frame.column_axis, columns.size(), row_weights);
         multiply_add(batch.values.at(t, b) + std::ptrdiff_t(d) * batch.values.channel_pitch,
                      row_weights, columns.size(), sums);
     }

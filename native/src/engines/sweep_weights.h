@@ -48,6 +48,8 @@ public:
     bool any(int direction, const Frame &frame, const Box &box) const override;
     const Real *single(int direction) const override;
     void sum(const Batch &batch, Reals &scratch, const Rows &out) const override;
+    // A direction's weights at the `count` voxels from `first` on along an axis.
+    void row(int direction, const Index3 &first, int axis, int count, Real *row_weights) const;
 
 private:
     void sum_row(const Batch &batch, int t, int b, Real *row_weights, Real *sums) const;
