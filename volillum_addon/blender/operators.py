@@ -11,7 +11,7 @@ import bpy
 from ..compare.measure import Options
 from ..core.control import Control
 from ..core.errors import InputError
-from . import animation, child, comparing, live_session, modal, work
+from . import animation, child, comparing, live_session, modal, side_by_side, work
 from .failures import EXPECTED, one_line
 from .jobs import Work
 from .places import output_directory
@@ -125,6 +125,68 @@ class VOLILLUM_OT_show(bpy.types.Operator):
         return {"FINISHED"}
 
 
+class VOLILLUM_OT_side_by_side(modal.WorkOperator, bpy.types.Operator):
+    """Bake every model that can serve the scene, and show all in a row with their names."""
+
+    bl_idname = "volillum.side_by_side"
+    bl_label = "All side by side"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+
+    @override
+    def prepare(self, context: bpy.types.Context) -> Work[Any]:
+        """Read the scene once for all models."""
+        scene = context.scene
+        name, reading = scene.name, work.read(scene)
+        directory = output_directory(scene.volillum.directory)
+        chosen = work.chosen_models(scene, ())
+        return Work(
+            lambda control: work.bake_all(reading, chosen, directory, control),
+            lambda bakes: _arranged(_scene(name), bakes),
+        )
+
+
+def _arranged(scene: bpy.types.Scene, bakes: work.Bakes) -> str:
+    side_by_side.arrange(scene, bakes.done)
+    refused = "".join(f"; {reason}" for reason in bakes.refused)
+    return f"{len(bakes.done)} models side by side{refused}"
+
+
+class VOLILLUM_OT_clear_row(bpy.types.Operator):
+    """Remove the row of models and show the volume itself again."""
+
+    bl_idname = "volillum.clear_row"
+    bl_label = "Remove the row"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Remove it."""
+        side_by_side.clear(context.scene)
+        return {"FINISHED"}
+
+
+class VOLILLUM_OT_swap(bpy.types.Operator):
+    """Switch between the last two bakes."""
+
+    bl_idname = "volillum.swap"
+    bl_label = "A/B"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Only with two bakes."""
+        return bool(context.scene.volillum.other.path)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Show the other one."""
+        live_session.stop()
+        try:
+            side_by_side.swap(context.scene)
+        except EXPECTED as error:
+            self.report({"ERROR"}, one_line(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
 class VOLILLUM_OT_compare(modal.WorkOperator, bpy.types.Operator):
     """Measure the models' errors and times against Cycles' full scattering, as a report."""
 
@@ -204,6 +266,9 @@ CLASSES = (
     VOLILLUM_OT_bake,
     VOLILLUM_OT_bake_frames,
     VOLILLUM_OT_show,
+    VOLILLUM_OT_swap,
+    VOLILLUM_OT_side_by_side,
+    VOLILLUM_OT_clear_row,
     VOLILLUM_OT_compare,
     VOLILLUM_OT_cancel,
 )

@@ -8,7 +8,7 @@ from ..core.errors import InputError
 from ..models.illuminate import left_out
 from ..models.model import Model
 from ..models.registry import get
-from . import live_session, modal, staleness, work, wrap
+from . import live_session, modal, side_by_side, staleness, work, wrap
 from .medium_reader import volume_material
 from .outline import outline
 
@@ -94,6 +94,11 @@ class VOLILLUM_PT_bake(_Sidebar, bpy.types.Panel):
         row.operator(
             "volillum.show", text="Show volume", icon="VOLUME_DATA", depress=not shown
         ).baked = False
+        if settings.other.path:
+            row.operator("volillum.swap", text=f"A/B: {get(settings.other.model).label}")
+        _progress_or_button(layout, "volillum.side_by_side", "GRID", scale=1)
+        if side_by_side.standing(scene) is not None:
+            layout.operator("volillum.clear_row", icon="X")
         layout.prop(settings, "as_radiance")
         if baked.path and not follows:
             _baked(layout.box(), scene, wrap.room(context) - wrap.BOX)

@@ -159,6 +159,7 @@ class Settings(bpy.types.PropertyGroup):
         soft_max=1024,
     )
     baked: bpy.props.PointerProperty(type=Baked)
+    other: bpy.props.PointerProperty(type=Baked, description="The bake before the last one")
     results: bpy.props.CollectionProperty(type=Result)
     report: _text("Report", subtype="FILE_PATH")
 

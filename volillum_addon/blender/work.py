@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import bpy
 
 from ..bake.run import Baked, bake_file
+from ..bake.store import StorageError
 from ..core.control import Control
 from ..core.errors import InputError
 from ..models.model import Value
@@ -20,6 +22,9 @@ from .display_frames import show_frames
 from .medium_reader import MediumSettings
 from .properties import model_values
 from .scene_reader import Reading, read_scene
+
+# What a kept bake is, apart from how it is shown now.
+BAKE = ("path", "frames", "model", "seconds", "found", "notes", "source")
 
 
 def chosen_volume(scene: bpy.types.Scene) -> bpy.types.Object | None:
@@ -49,9 +54,38 @@ def bake(
     return bake_file(reading.scene, model, directory, reading.stem, values, control)
 
 
+@dataclass(frozen=True)
+class Bakes:
+    """Bakes of several models, and why others cannot serve the scene."""
+
+    done: tuple[Baked, ...]
+    refused: tuple[str, ...]
+
+
+def bake_all(
+    reading: Reading, chosen: Mapping[str, Mapping[str, Value]], directory: Path, control: Control
+) -> Bakes:
+    """`bake` of each model. Any thread. Raises InputError where none can serve the scene."""
+    done, refused = [], []
+    for index, (model, values) in enumerate(chosen.items()):
+        begin, end = index / len(chosen), (index + 1) / len(chosen)
+        with control.stage(begin, end, model):
+            try:
+                done.append(bake(reading, model, values, directory, control))
+            except StorageError:
+                raise
+            except InputError as error:
+                refused.append(str(error))
+    if not done:
+        raise InputError("; ".join(refused))
+    return Bakes(tuple(done), tuple(refused))
+
+
 def keep(scene: bpy.types.Scene, baked: Baked, source: Mapping[str, str]) -> str:
     """Note the bake in the scene's settings and return the line to say about it."""
     kept = scene.volillum.baked
+    if kept.path != str(baked.path):
+        set_aside(scene)
     kept.frames = 0
     kept.path = str(baked.path)
     kept.model = baked.model
@@ -68,6 +102,8 @@ def keep_frames(
 ) -> str:
     """The same for a sequence, each frame as the command line describes it."""
     kept = scene.volillum.baked
+    if kept.path != frames[0]["path"]:
+        set_aside(scene)
     kept.path, kept.model = frames[0]["path"], frames[0]["model"]
     kept.frames = len(frames)
     kept.seconds = sum(each["seconds_bake"] + each["seconds_hand_over"] for each in frames)
@@ -76,6 +112,13 @@ def keep_frames(
     kept.source = json.dumps(source)
     solved = sum(not each["found"] for each in frames)
     return f"{len(frames)} frames, {solved} of them baked now: {Path(kept.path).name}"
+
+
+def set_aside(scene: bpy.types.Scene) -> None:
+    """The last bake becomes the other one, which A/B switches to."""
+    baked, other = scene.volillum.baked, scene.volillum.other
+    for name in BAKE:
+        setattr(other, name, getattr(baked, name))
 
 
 def noted_source(scene: bpy.types.Scene) -> dict[str, str]:
