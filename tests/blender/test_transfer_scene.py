@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
@@ -22,6 +23,12 @@ def blob(directory: Path) -> Path:
     np.save(directory / "ct.npy", (-1000 + 2500 * np.clip(1 - radius, 0, 1)).astype(np.float32))
     (directory / "ct.json").write_text('{"kind": "ct", "unit": "HU", "spacing": [2, 2, 3]}')
     return directory / "ct.npy"
+
+
+@pytest.fixture(autouse=True)
+def _leave_no_file_open() -> Iterator[None]:
+    yield
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
 
 
 @pytest.mark.parametrize("transfer", [None, "ct_skin"])

@@ -15,7 +15,7 @@ from volillum_addon.core.control import Cancelled, Control
 from volillum_addon.core.errors import InputError
 from volillum_addon.readers import gather
 from volillum_addon.readers.formats import FORMATS, import_volume, read_volume
-from volillum_addon.readers.imported import read_about, read_imported
+from volillum_addon.readers.imported import BINS, read_about, read_imported
 
 SHAPE = (9, 6, 11)
 
@@ -60,6 +60,14 @@ def test_what_is_written_is_what_was_read(tmp_path: Path) -> None:
         "ct",
         grid.values.min(),
     )
+
+
+def test_few_whole_numbers_have_an_interval_each(tmp_path: Path) -> None:
+    values = np.repeat(np.arange(3, 103, dtype=np.uint8), 10).reshape(10, 10, 10)
+    np.save(tmp_path / "a.npy", values)
+    assert read_volume(tmp_path / "a.npy")[1].histogram == (10,) * 100
+    np.save(tmp_path / "a.npy", values.astype(np.float32) / 7)
+    assert len(read_volume(tmp_path / "a.npy")[1].histogram) == BINS
 
 
 def test_a_border_of_zeros_is_kept(tmp_path: Path) -> None:

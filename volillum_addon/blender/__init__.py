@@ -8,7 +8,7 @@ from __future__ import annotations
 from importlib import import_module
 
 # In this order: properties first, because panels and operators show them.
-_MODULES = (".properties", ".classes", ".command")
+_MODULES = (".properties", ".transfer", ".classes", ".command")
 
 
 def register() -> None:

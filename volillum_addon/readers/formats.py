@@ -140,9 +140,16 @@ def read_volume(
         space=source.space,
         level=level,
         notes=notes,
-        histogram=tuple(np.histogram(grid.values, BINS, (low, high))[0].tolist()),
+        histogram=tuple(np.histogram(grid.values, _bins(grid, source), (low, high))[0].tolist()),
     )
     return grid, about
+
+
+def _bins(grid: Grid, source: Source) -> int:
+    """Intervals of the histogram: one for each of few whole numbers, or it would be a comb."""
+    span = float(np.ptp(grid.values))
+    whole = source.dtype.kind in "iub" and span.is_integer() and grid.shape == source.shape
+    return int(span) + 1 if whole and 0 < span < BINS else BINS
 
 
 def hounsfield(values: NDArray[np.float32]) -> bool:

@@ -28,7 +28,7 @@ from .source import library
 ENTRY = "volillum_volume"
 GRID = "density"
 FORMAT = 1
-# Intervals of the histogram.
+# Intervals of the histogram at most.
 BINS = 256
 
 

@@ -1,0 +1,142 @@
+"""Applying a transfer function, and its presets as files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, override
+
+import bpy
+from bl_operators.presets import AddPresetBase
+
+from ..core.errors import InputError
+from ..readers.medium_file import apply
+from ..readers.transfer_presets import load_file
+from . import importing, modal, transfer, work
+from .failures import EXPECTED, one_line
+from .jobs import Work
+from .places import output_directory
+
+# In Blender's own presets folder, and in the extension's.
+PRESET_FOLDER = "transfer_functions"
+
+
+def _material(context: bpy.types.Context) -> bpy.types.Material:
+    material = transfer.material_of(context.scene)
+    if material is None:
+        raise InputError(
+            "the scene's volume has no transfer function; expected one that was imported (File > "
+            "Import > Volume for illumination)"
+        )
+    return material
+
+
+class VOLILLUM_OT_apply_transfer(modal.WorkOperator, bpy.types.Operator):
+    """Make the volume what the transfer function says: what is rendered, and baked from now on."""
+
+    bl_idname = "volillum.apply_transfer"
+    bl_label = "Apply"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender's own form
+
+    @override
+    def prepare(self, context: bpy.types.Context) -> Work[Any]:
+        """Read the ramp; the volume itself is read by the job."""
+        material = _material(context)
+        name, values = material.name, transfer.source_of(material)
+        function, signature = transfer.read(material), transfer.signature(material)
+        volume = work.chosen_volume(context.scene)
+        assert volume is not None
+        data = volume.data.name
+        directory = output_directory(context.scene.volillum.directory)
+
+        def finish(path: Path) -> str:
+            if data not in bpy.data.volumes or name not in bpy.data.materials:
+                raise InputError(f"volume {data!r} is gone; expected it where the result belongs")
+            bpy.data.volumes[data].filepath = importing.relative(path)
+            bpy.data.materials[name].volillum.applied = signature
+            return f"{data}: {path.name}"
+
+        return Work(lambda control: apply(values, function, directory, control), finish)
+
+
+class VOLILLUM_OT_load_transfer(bpy.types.Operator):
+    """Take a transfer function from a preset; Apply makes the volume of it."""
+
+    bl_idname = "volillum.load_transfer"
+    bl_label = "Load a transfer function"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+
+    filepath: bpy.props.StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
+    menu_idname: bpy.props.StringProperty(options={"SKIP_SAVE", "HIDDEN"})
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """A preset of the extension's, or one that was saved."""
+        path = Path(self.filepath)
+        try:
+            material = _material(context)
+            if path.suffix == ".json":
+                transfer.write(material, load_file(path, transfer.about(material)))
+            else:
+                # Saved by Blender's preset system: a script that sets the text.
+                transfer.from_preset(material, saved(path))
+        except EXPECTED as error:
+            self.report({"ERROR"}, one_line(error))
+            return {"CANCELLED"}
+        VOLILLUM_MT_transfer_presets.bl_label = bpy.path.display_name(path.stem)
+        return {"FINISHED"}
+
+
+def saved(path: Path) -> dict[str, Any]:
+    """The entries of a preset that Blender saved: the text is read, and nothing is run."""
+    import ast
+
+    try:
+        tree = ast.parse(path.read_text(encoding="utf-8"), str(path))
+        for statement in tree.body:
+            if isinstance(statement, ast.Assign) and ast.unparse(statement.targets[0]) == TEXT:
+                found: dict[str, Any] = json.loads(ast.literal_eval(statement.value))
+                return found
+    except (OSError, ValueError, SyntaxError) as error:
+        raise InputError(f"{path} cannot be read ({error}); expected a transfer function") from None
+    raise InputError(f"{path} holds no transfer function; expected one that was saved here")
+
+
+class VOLILLUM_MT_transfer_presets(bpy.types.Menu):
+    """The presets there are: the extension's and the user's own."""
+
+    bl_label = "Presets"
+    preset_subdir = PRESET_FOLDER
+    preset_operator = "volillum.load_transfer"
+    preset_extensions = {".json", ".py"}  # noqa: RUF012
+    draw = bpy.types.Menu.draw_preset
+
+
+# What a saved preset sets.
+MATERIAL, TEXT = "material", "material.volillum.text"
+
+
+class VOLILLUM_OT_save_transfer(AddPresetBase, bpy.types.Operator):
+    """Save the transfer function as a preset, a file that can be given to others, or remove one."""
+
+    bl_idname = "volillum.save_transfer"
+    bl_label = "Save a transfer function"
+    preset_menu = "VOLILLUM_MT_transfer_presets"
+    preset_subdir = PRESET_FOLDER
+    preset_defines = [  # noqa: RUF012
+        f"{MATERIAL} = bpy.context.scene.volillum.volume.active_material"
+    ]
+    preset_values = [TEXT]  # noqa: RUF012
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Only for a volume that has one."""
+        settings = context.scene.volillum
+        return settings.volume is not None and transfer.material_of(context.scene) is not None
+
+
+CLASSES = (
+    VOLILLUM_OT_apply_transfer,
+    VOLILLUM_OT_load_transfer,
+    VOLILLUM_MT_transfer_presets,
+    VOLILLUM_OT_save_transfer,
+)
