@@ -42,7 +42,7 @@ def write_slice(
     data.PixelData = pixels.astype("<i2").tobytes()
     for name, value in changes.items():
         setattr(data, name, value)
-    path = folder / f"{generate_uid().split('.')[-1]}.dcm"
+    path = folder / f"IM{len(list(folder.iterdir())):04d}.dcm"
     if changes.get("packed"):
         del data.packed
         data.compress(RLELossless)
@@ -51,7 +51,7 @@ def write_slice(
 
 
 def series(folder: Path, skew: float = 0.0, **changes: Any) -> NDArray[np.int16]:
-    """Slices under names without order, written in none either; their numbers [slice, row, column].
+    """Slices under names of another order than theirs; their numbers [slice, row, column].
 
     `skew`: how far each slice lies further down than the one before (a tilted gantry), mm.
     """

@@ -146,6 +146,7 @@ def test_the_panel_shows_the_ramp_and_the_histogram(scene: bpy.types.Scene) -> N
     drawn = [name for name, _ in layout.log]
     assert {"template_icon", "template_color_ramp", "menu"} <= set(drawn)
     assert {"low", "high", "per_voxel", "logarithmic"} <= set(layout.properties())
+    assert "default_value" in layout.properties()  # the phase function's g
     assert "volillum.apply_transfer" in layout.operators()
 
 

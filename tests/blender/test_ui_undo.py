@@ -3,10 +3,11 @@
 from pathlib import Path
 
 import bpy
+import numpy as np
 import pytest
 from plumes import write_plume
 
-from volillum_addon.blender import staleness, work
+from volillum_addon.blender import staleness, transfer, work
 
 # A script's call leaves no step to undo unless it asks for one, as a button's does.
 PRESSED = ("EXEC_DEFAULT", True)
@@ -131,3 +132,37 @@ def test_saved_and_opened_again(file: Path) -> None:
     assert seen()[-1] == ""
     bpy.ops.volillum.show(*PRESSED, baked=False)
     assert volumes_seen() == [True]
+
+
+def test_an_import_and_its_transfer_function_are_undone_and_redone(tmp_path: Path) -> None:
+    """Values of a gradient; undo replaces all data, so everything is asked for anew."""
+    np.save(tmp_path / "ramp.npy", np.arange(6 * 7 * 8, dtype=np.uint8).reshape(6, 7, 8))
+    settings().directory = str(tmp_path / "out")
+    bpy.ops.ed.undo_push(message="Directory")
+
+    def state() -> tuple[object, ...]:
+        item = settings().volume
+        if item is None:
+            return (len(bpy.data.volumes),)
+        material = item.active_material
+        return item.name, item.data.filepath, transfer.read(material).as_json()["points"][-1]
+
+    steps = [state()]
+    assert bpy.ops.volillum.import_volume(*PRESSED, filepath=str(tmp_path / "ramp.npy")) == {
+        "FINISHED"
+    }
+    steps.append(state())
+    assert steps[-1][0] == "ramp"
+    node = transfer.ramp_node(settings().volume.active_material)
+    node.color_ramp.elements[-1].color = (0.25, 0.5, 0.75, 0.5)
+    bpy.ops.ed.undo_push(message="Ramp")
+    steps.append(state())
+    assert bpy.ops.volillum.apply_transfer(*PRESSED) == {"FINISHED"}
+    steps.append(state())
+    assert len(set(map(str, steps))) == len(steps)
+    for wanted in reversed(steps[:-1]):
+        bpy.ops.ed.undo()
+        assert state() == wanted
+    for wanted in steps[1:]:
+        bpy.ops.ed.redo()
+        assert state() == wanted

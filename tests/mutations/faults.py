@@ -189,4 +189,38 @@ FAULTS = (
         "",
         ("tests/bake/test_grids.py::test_every_truncation_is_noticed",),
     ),
+    Fault(
+        "slices in the order of their files in place of their positions",
+        "volillum_addon/readers/dicom.py",
+        "    slices.sort(key=lambda each: float(each.position @ normal))\n",
+        "",
+        ("tests/readers/test_series.py::test_a_dicom_series_is_as_itk_reads_it",),
+    ),
+    Fault(
+        "right-anterior-superior taken for left-posterior-superior",
+        "volillum_addon/readers/source.py",
+        '"RAS": (-1, -1, 1)',
+        '"RAS": (1, 1, 1)',
+        (
+            "tests/readers/test_orientation.py::test_positions_are_kept",
+            "tests/readers/test_real_files.py::test_nifti_is_as_itk_reads_it",
+        ),
+    ),
+    Fault(
+        "a coarse voxel in place of its first fine one",
+        "volillum_addon/readers/gather.py",
+        "np.full(3, (block - 1) / 2)",
+        "np.full(3, 0.0)",
+        ("tests/readers/test_import.py::test_a_level_is_the_mean_of_its_blocks",),
+    ),
+    Fault(
+        "directions of the index axes as rows in place of columns",
+        "volillum_addon/readers/source.py",
+        "rows.T * np.asarray(spacing",
+        "rows * np.asarray(spacing",
+        (
+            "tests/readers/test_orientation.py::test_positions_are_kept",
+            "tests/readers/test_real_files.py::test_the_head_is_turned_by_30_degrees",
+        ),
+    ),
 )

@@ -10,6 +10,7 @@ import pytest
 import SimpleITK
 import tifffile
 from dicom_files import COLUMNS, ROWS, SLICES, series, write_slice
+from PIL import Image
 from pydicom.uid import generate_uid
 from scipy.spatial.transform import Rotation
 
@@ -109,6 +110,15 @@ def test_an_imagej_stack(tmp_path: Path, compression: str | None, order: str) ->
     np.testing.assert_allclose(grid.voxel_size, size)
     assert about.length_unit == ("um" if order == ">" else "")
     assert bool(about.notes) == (order == "<")
+
+
+@pytest.mark.parametrize("packing", ["tiff_lzw", "packbits", "tiff_adobe_deflate"])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_packings_that_others_write(tmp_path: Path, packing: str, dtype: type) -> None:
+    stack = (STACK % 251).astype(dtype)
+    first, *rest = (Image.fromarray(page) for page in stack)
+    first.save(tmp_path / "a.tif", save_all=True, append_images=rest, compression=packing)
+    np.testing.assert_array_equal(read_volume(tmp_path / "a.tif")[0].values, stack.T)
 
 
 def test_an_ome_stack_of_channels(tmp_path: Path) -> None:

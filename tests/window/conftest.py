@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from project_files import ROOT
 from window.system import System, find_system
@@ -25,12 +26,22 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> System:
     )
     assert 'Installed "volillum"' in done.stdout, done.stdout + done.stderr
     shutil.copy2(ROOT / "presets" / "volumes" / "smoke.vdb", work)
+    write_ball(work)
     done = found.blender(
         *("--command", "volillum", "scene", "/volillum/smoke.vdb", "--preset", "smoke"),
         *("-o", "/volillum/smoke.blend"),
     )
     assert done.returncode == 0, done.stdout + done.stderr
     return found
+
+
+def write_ball(folder: Path) -> None:
+    """A ball in Hounsfield units in air, and a raw file that says nothing of itself."""
+    axes = np.meshgrid(*[np.linspace(-1, 1, 40)] * 3, indexing="ij")
+    radius = np.sqrt(sum(axis**2 for axis in axes))
+    np.save(folder / "ball.npy", (-1000 + 2500 * np.clip(1 - radius, 0, 1)).astype(np.int16))
+    (folder / "ball.json").write_text('{"kind": "ct", "unit": "HU", "length_unit": "mm"}')
+    (folder / "plain.raw").write_bytes(bytes(1000))
 
 
 @pytest.fixture

@@ -17,9 +17,11 @@ from hand import (
     open_sidebar,
     picture,
     press,
+    region,
     scroll,
     type_into,
     view,
+    window,
 )
 
 PACKAGE = "bl_ext.user_default.volillum.volillum_addon"
@@ -207,3 +209,53 @@ def comparing() -> Steps:
     assert volumes() == {"smoke": True}
     yield from scroll(6)
     picture("panel_compared")
+
+
+def importing() -> Steps:
+    """Drop a file on the view, watch it come, take a preset, apply it, undo; then a raw file's
+    dialog, and the menu's file browser."""
+    bpy.data.batch_remove([each for each in bpy.data.objects if each.type == "MESH"])
+    settings().directory = "/volillum/imported"
+    simple_view()
+    yield from into_view()
+    with in_view():
+        # What Blender calls when files are dropped.
+        bpy.ops.wm.drop_import_file(
+            "INVOKE_DEFAULT", directory="/volillum/", files=[{"name": "ball.npy"}]
+        )
+    yield lambda: running() is None and "ball" in volumes()
+    yield from open_sidebar()
+    yield 1.0
+    picture("panel_transfer")
+    before = bpy.data.objects["ball"].data.filepath
+    presets = Path(package("resources").PRESETS) / "transfer_functions"
+    with in_view():
+        bpy.ops.volillum.load_transfer("EXEC_DEFAULT", True, filepath=str(presets / "ct_skin.json"))
+    yield 0.5
+    picture("panel_transfer_not_applied")
+    yield from press("volillum.apply_transfer(")
+    yield lambda: running() is None
+    yield 0.5
+    assert bpy.data.objects["ball"].data.filepath != before
+    picture("panel_transfer_applied")
+    yield from into_view()
+    key("ctrl+z")
+    yield lambda: bpy.data.objects["ball"].data.filepath == before
+    with in_view():
+        bpy.ops.volillum.import_volume("INVOKE_DEFAULT", filepath="/volillum/plain.raw")
+    yield 1.0
+    picture("import_raw")
+    key("Escape")
+    yield 0.5
+    with in_view():
+        bpy.ops.volillum.import_volume("INVOKE_DEFAULT")
+    yield 1.5
+    picture("import_browser")
+    key("Escape")
+    yield 0.5
+    assert list(volumes()) == ["ball"]
+
+
+def in_view() -> Any:
+    """What a call by the mouse in the 3D view has around it."""
+    return bpy.context.temp_override(window=window(), area=view(), region=region("WINDOW"))

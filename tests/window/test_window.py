@@ -11,7 +11,7 @@ import pytest
 from window.system import System
 
 
-@pytest.mark.parametrize("scenario", ["baking", "comparing", "undo_and_reload"])
+@pytest.mark.parametrize("scenario", ["baking", "comparing", "undo_and_reload", "importing"])
 def test_by_hand(system: System, pictures: Path, scenario: str) -> None:
     done = system.window("--python", "/volillum/tests/session.py", "--", scenario, sys.executable)
     for picture in system.work.glob("*.png"):

@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from ..core.transfer_function import TransferFunction
 from ..readers.imported import About
 
-# Pixels across and up.
-WIDTH, HEIGHT = 256, 128
+# Pixels across and up; icons are square.
+WIDTH, HEIGHT = 256, 256
 LINE = (1.0, 1.0, 1.0)
 # Bars in the colour of the ramp; where the ramp is clear, in this grey.
 CLEAR = 0.32
 BACKGROUND = (0.0, 0.0, 0.0, 0.25)
 # The opacity's line, pixels.
-THICK = 1.5
+THICK = 2.0
 
 _previews: Any = None
 _drawn: str = ""
@@ -80,11 +80,8 @@ def icon(
     shown = _previews["histogram"]
     if state != _drawn:
         image = picture(about, transfer, low, high, logarithmic)
-        # An icon is square: the upper half stays empty.
-        square = np.zeros((WIDTH, WIDTH, 4), np.float32)
-        square[(WIDTH - HEIGHT) // 2 : (WIDTH + HEIGHT) // 2] = image
-        shown.image_size = (WIDTH, WIDTH)
-        shown.image_pixels_float.foreach_set(square.ravel())
+        shown.image_size = (WIDTH, HEIGHT)
+        shown.image_pixels_float.foreach_set(image.ravel())
         _drawn = state
     return int(shown.icon_id)
 

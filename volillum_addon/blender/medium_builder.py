@@ -33,3 +33,11 @@ SHADER_NODES = {
     "ShaderNodeOutputMaterial", "ShaderNodeVolumeCoefficients", "ShaderNodeAttribute",
     "ShaderNodeVolumePrincipled", "ShaderNodeBsdfPrincipled",
 }  # fmt: skip
+
+
+def phase_socket(material: bpy.types.Material) -> bpy.types.NodeSocket | None:
+    """Where the phase function's g is set, while the shader is the one made here."""
+    for node in material.node_tree.nodes:
+        if node.bl_idname == "ShaderNodeVolumeCoefficients":
+            return node.inputs["Anisotropy"]
+    return None

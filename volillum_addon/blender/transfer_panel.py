@@ -6,10 +6,11 @@ import bpy
 
 from ..core.errors import InputError
 from . import histogram, panels, transfer, wrap
+from .medium_builder import phase_socket
 from .transfer_operators import VOLILLUM_MT_transfer_presets
 
-# The picture is square and half of it is empty: this many rows high.
-ROWS = 10.0
+# The histogram's height, in rows.
+ROWS = 8.0
 
 
 class VOLILLUM_PT_transfer(panels._Sidebar, bpy.types.Panel):
@@ -53,6 +54,9 @@ class VOLILLUM_PT_transfer(panels._Sidebar, bpy.types.Panel):
         values.prop(settings, "high")
         layout.prop(settings, "per_voxel")
         layout.prop(settings, "physical")
+        phase = phase_socket(material)
+        if phase is not None:
+            layout.prop(phase, "default_value", text="Anisotropy")
         if stale:
             panels._lines(layout, "Not applied yet: what is shown and baked is older", room, "INFO")
         panels._progress_or_button(layout, "volillum.apply_transfer", "CHECKMARK")

@@ -124,11 +124,26 @@ def _packed(path: Path, pages: Sequence[int], page: Page) -> Callable[[int], Ite
 
             def layer(k: int) -> Slab:
                 with library(path, EXPECTED):
-                    return page.layer(stored[pages[k]].asarray())
+                    try:
+                        return page.layer(stored[pages[k]].asarray())
+                    except ValueError as error:
+                        # LZW and others are in a companion of tifffile's that is not bundled.
+                        if "imagecodecs" not in str(error):
+                            raise
+                        return page.layer(_by_pillow(path, stored[pages[k]].index))
 
             yield from stacked(len(pages), layer)(depth)
 
     return slabs
+
+
+def _by_pillow(path: Path, index: int) -> Any:
+    """The numbers of a page as libtiff, which is a part of Pillow, unpacks them."""
+    from PIL import Image
+
+    with Image.open(path) as image:
+        image.seek(int(index))
+        return np.asarray(image)
 
 
 def _series(tiff: Any) -> Any:
