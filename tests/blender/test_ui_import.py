@@ -78,8 +78,8 @@ def test_the_volume_is_the_transfer_functions_medium(
                                expected.sigma_t.values.reshape(-1, 1)
                                .repeat(found.sigma_t.channels, axis=1), rtol=1e-6)  # fmt: skip
     np.testing.assert_allclose(found.sigma_t.index_to_world, expected.sigma_t.index_to_world)
-    assert read_about(Path(item.active_material.volillum.source)).unit == "HU"
-    assert Path(item.data.filepath).parent == tmp_path / "out"
+    assert read_about(transfer.source_of(item.active_material)).unit == "HU"
+    assert Path(bpy.path.abspath(item.data.filepath)).resolve().parent == tmp_path / "out"
 
 
 def test_a_fitted_volume_is_two_units_long_about_the_origin(
@@ -169,7 +169,7 @@ def test_the_dialog_shows_what_a_raw_file_needs(extension: None, tmp_path: Path)
 def test_a_vdb_is_taken_as_it_is(empty: bpy.types.Scene, tmp_path: Path) -> None:
     write_plume(tmp_path / "plume.vdb")
     item = imported(empty, tmp_path / "plume.vdb")
-    assert Path(item.data.filepath) == tmp_path / "plume.vdb"
+    assert Path(bpy.path.abspath(item.data.filepath)).resolve() == tmp_path / "plume.vdb"
     assert not item.data.is_sequence
     assert not (tmp_path / "out").exists()
 

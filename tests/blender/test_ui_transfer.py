@@ -130,6 +130,16 @@ def test_a_missing_file_of_values_is_named(scene: bpy.types.Scene) -> None:
     assert "nowhere" in " ".join(draw(scene).labels())
 
 
+def test_values_that_moved_with_their_volume_are_found(
+    scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    (tmp_path / "out").rename(tmp_path / "moved")
+    data = scene.volillum.volume.data
+    data.filepath = str(tmp_path / "moved" / Path(bpy.path.abspath(data.filepath)).name)
+    assert transfer.source_of(material(scene)).parent == tmp_path / "moved"
+    assert transfer.about(material(scene)).kind == "mr"
+
+
 def test_a_volume_without_one_has_no_panel(extension: None) -> None:
     bare = bpy.data.scenes.new("bare")
     try:

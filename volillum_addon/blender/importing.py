@@ -77,7 +77,7 @@ def place(scene: bpy.types.Scene, imported: Imported, size: str) -> bpy.types.Ob
     name = stem_of(Path(imported.about.source))
     material = medium_material(name)
     transfer.write(material, imported.transfer)
-    material.volillum.source = str(imported.values)
+    material.volillum.source = relative(imported.values)
     material.volillum.applied = transfer.signature(material)
     item = add_volume(scene, name, imported.medium)
     item.data.materials.append(material)

@@ -44,6 +44,7 @@ class Transfer(bpy.types.PropertyGroup):
         name="Values",
         description="The imported file whose values the ramp maps",
         subtype="FILE_PATH",
+        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
     )
     low: bpy.props.FloatProperty(
         name="From", description="The value at the ramp's left end, in the data's own unit"
@@ -102,6 +103,13 @@ def ramp_node(material: bpy.types.Material) -> bpy.types.Node:
 def source_of(material: bpy.types.Material) -> Path:
     """The imported file. Raises InputError when it is missing."""
     path = Path(bpy.path.abspath(material.volillum.source, library=material.library))
+    # A file that was moved, or saved for the first time: its volumes' paths went along with it.
+    beside = [
+        Path(bpy.path.abspath(volume.filepath, library=volume.library)).with_name(path.name)
+        for volume in bpy.data.volumes
+        if material.name in volume.materials and volume.filepath
+    ]
+    path = next((place for place in (path, *beside) if place.is_file()), path)
     if not path.is_file():
         raise InputError(f"the values of {material.name!r} are not there: {path}; expected the "
                          "imported file (import the volume again)")  # fmt: skip
