@@ -1,12 +1,14 @@
 """Time of the directional sweep beside a copy of the grid, in one run, and its error.
 
     python tests/benchmarks/bench_sweep.py [--size 256] [--threads 2] [--json]
+    python tests/benchmarks/bench_sweep.py --sizes 64 128 256 512
 
-Prints nanoseconds per voxel and direction, the ratio to a copy of the grid by as many threads, and
-the relative RMS error of what was computed, at random voxels against exact line integrals through
-the same smooth medium. Copy and sweeps write to existing arrays; `copy, new` and `into a new array`
-show what the system's new pages add. Medians of the repeats after a warm-up; their quartiles are in
-the JSON output.
+Prints the machine, and nanoseconds per voxel and direction, the ratio to a copy of the grid by as
+many threads, and the relative RMS error of what was computed, at random voxels against exact line
+integrals through the same smooth medium. Copy and sweeps write to existing arrays; `copy, new` and
+`into a new array` show what the system's new pages add. Medians of the repeats after a warm-up;
+their quartiles are in the JSON output. Beside them one direction as a user would write it
+(slice_march.py, one thread). With --sizes, the cost against the size of the grid instead.
 """
 
 from __future__ import annotations
@@ -19,15 +21,22 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
+from slice_march import Shift, march, shift_by_numpy, shift_by_scipy
 
 import volillum_native
+from volillum_addon.compare.machine import machine
 
 Directions = NDArray[np.float64]
 Volume = NDArray[np.float32]
 IDENTITY = np.eye(4)
 CONE_HALF_ANGLE = np.radians(30)
 OPTICAL_SIDE = 4.0
+TILTS = {"straight": (0.0, 0.0), "tilted": (0.35, 0.2), "oblique": (0.8, -0.6)}
 ERROR_RAYS = 40_000  # enough for two digits of the RMS; spread over voxels and directions
+
+
+def unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(vector / np.linalg.norm(vector))
 
 
 def sphere_directions(count: int) -> Directions:
@@ -136,6 +145,14 @@ class Benchmark:
         self.report(name, near, count, channels, seconds, None if new else error)
         return seconds, error
 
+    def by_user(self, name: str, shift: Shift, axis: int) -> None:
+        direction = unit(np.roll(np.array([1.0, *TILTS["tilted"]]), axis))
+        out = np.zeros_like(self.sigma_t)
+        seconds = measure(lambda: march(self.sigma_t, direction, shift, out), 1)
+        weights = np.ones((1, 1), np.float32)
+        error = relative_error(self.sigma_t, direction[None], weights, out[None])
+        self.report(f"1 direction, {'ijk'[axis]}, {name}", 0, 1, 1, seconds, error)
+
     def report(
         self,
         name: str,
@@ -176,12 +193,10 @@ class Benchmark:
         )
 
     def single_directions(self, near: int) -> None:
-        tilts = {"straight": (0.0, 0.0), "tilted": (0.35, 0.2), "oblique": (0.8, -0.6)}
         seconds, errors = [], []
         for axis in range(3):
-            for tilt, (first, second) in tilts.items():
-                vector = np.roll(np.array([1.0, first, second]), axis)
-                direction = (vector / np.linalg.norm(vector))[None]
+            for tilt, (first, second) in TILTS.items():
+                direction = unit(np.roll(np.array([1.0, first, second]), axis))[None]
                 name = f"1 direction, {'ijk'[axis]}, {tilt}"
                 found = self.sweep(name, direction, 1, near)
                 seconds.append(found[0])
@@ -198,15 +213,30 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--json", action="store_true", help="one JSON object a line")
+    parser.add_argument("--sizes", type=int, nargs="+", help="only the cost against the size")
     options = parser.parse_args()
+    print(json.dumps(machine()), flush=True)
+    axis = np.array([1.0, 0.3, 0.2])
+    for size in options.sizes or []:
+        benchmark = Benchmark(size, options.threads, options.repeats, options.json)
+        if not options.json:
+            print(f"{size}^3")
+        benchmark.copies()
+        benchmark.single_directions(0)
+        benchmark.sweep("cone of 64 about i", cone_directions(64, axis), 1, 0)
+    if options.sizes:
+        return
     benchmark = Benchmark(options.size, options.threads, options.repeats, options.json)
     benchmark.copies()
     for near in (0, 4):
         benchmark.single_directions(near)
-        for axis in range(3):
-            directions = cone_directions(64, np.roll(np.array([1.0, 0.3, 0.2]), axis))
-            benchmark.sweep(f"cone of 64 about {'ijk'[axis]}", directions, 1, near)
+        for turn in range(3):
+            directions = cone_directions(64, np.roll(axis, turn))
+            benchmark.sweep(f"cone of 64 about {'ijk'[turn]}", directions, 1, near)
         benchmark.sweep("sphere of 66 x 16", sphere_directions(66), 16, near)
+    for turn in (0, 2):
+        benchmark.by_user("numpy", shift_by_numpy, turn)
+        benchmark.by_user("scipy.ndimage", shift_by_scipy, turn)
 
 
 if __name__ == "__main__":

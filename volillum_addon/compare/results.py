@@ -6,18 +6,13 @@ import statistics
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ..core.scene import Scene
 from ..models.model import Value
 from ..models.published import EQUATION
 from .bounces import Truncation
 from .errors import ErrorImages
-from .flip import Flip
 from .metrics import Agreement, Exposure, Figure, Mask
 from .reference import Reference
-from .renderer import Way
 
 
 @dataclass(frozen=True)
@@ -50,8 +45,7 @@ class Seconds:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """Times and errors of a model that serves the scene. A rung of a ladder has no `witness`, no
-    `flip` and no error of its field."""
+    """Times and errors of a model that serves the scene."""
 
     seconds: Seconds
     peak_bytes: int
@@ -59,39 +53,7 @@ class Measured:
     errors: Mapping[str, Figure]
     exposure: Exposure
     total_after_exposure: Figure
-    flip: Flip | None = None
-    witness: Agreement | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Rung:
-    """A model under other settings than the compared ones: `measured`, or the `reason` why not."""
-
-    settings: Mapping[str, Value]
-    measured: Measured | None = None
-    reason: str | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class BaselineMeasured:
-    """Times and errors of path tracing with few samples; `picture` is one of those drawn."""
-
-    seconds: Timing
-    picture: NDArray[np.float32]
-    total: Figure
-    exposure: Exposure
-    total_after_exposure: Figure
-    flip: Flip
-
-
-@dataclass(frozen=True, eq=False)
-class Baseline:
-    """What the user would otherwise render: `measured`, or the `reason` why not."""
-
-    way: Way
-    samples: int
-    measured: BaselineMeasured | None = None
-    reason: str | None = None
+    witness: Agreement | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +68,6 @@ class ModelResult:
     left_out: tuple[str, ...] = ()
     measured: Measured | None = None
     reason: str | None = None
-    ladder: tuple[Rung, ...] = ()
 
     @property
     def file(self) -> str:
@@ -125,7 +86,6 @@ class Comparison:
     full: Reference
     truncation: Truncation
     models: tuple[ModelResult, ...]
-    baselines: tuple[Baseline, ...]
     machine: Mapping[str, object]
     versions: Mapping[str, str]
 

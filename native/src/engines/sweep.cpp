@@ -7,19 +7,22 @@
 
 #include "sweep_lattice.h"
 #include "sweep_weights.h"
-#include "volillum/huge_pages.h"
 #include "volillum/parallel.h"
 
 namespace volillum {
 namespace sweep_detail {
 namespace {
 
+// Measured on 256^3: 8 directions' planes in the third-level cache, and where touching the output
+// once more costs more than planes that are not.
+constexpr std::size_t kCachedPlanes = std::size_t(9) << 20, kDirectionsPerChannel = 4;
+
 // What a thread keeps between tiles.
 struct Workspace {
     Block block, tail;
     Scratch march;
     std::vector<int> active;
-    Reals values, weights, plane;
+    Reals values, weights, result;
 };
 
 class Run {
@@ -39,8 +42,6 @@ public:
         std::size_t directions_done = 0;
         workspaces_.resize(std::size_t(thread_count(settings_.threads)));
         for (const Pass &pass : passes) {
-            if (pass.frame.transposed() && transposed_.empty()) transpose_medium();
-            if (!pass.frame.transposed() && !transposed_.empty()) transpose_output();
             const std::size_t at_once = directions_at_once(pass);
             for (std::size_t first = 0; first < pass.directions.size(); first += at_once) {
                 const std::size_t end = std::min(first + at_once, pass.directions.size());
@@ -53,48 +54,22 @@ public:
                 directions_done += end - first;
             }
         }
-        if (!transposed_.empty()) transpose_output();
     }
 
 private:
-    // Passes along k see all arrays with j and k exchanged: sigma_t in a copy, the output in its
-    // own memory, plane by plane, exchanged back when they are done.
-    void transpose_medium() {
-        transposed_.resize(std::size_t(voxels()));
-        const std::ptrdiff_t plane = voxels() / scene_.shape[0];
-        parallel_for(std::size_t(scene_.shape[0]), settings_.threads, nullptr,
-                     [&](std::size_t i, int thread) {
-                         const std::ptrdiff_t offset = std::ptrdiff_t(i) * plane;
-                         transpose(scene_.sigma_t + offset, scene_.shape[1], scene_.shape[2],
-                                   workspaces_[std::size_t(thread)].plane,
-                                   transposed_.data() + offset);
-                     });
-    }
-    void transpose_output() {
-        const std::ptrdiff_t plane = voxels() / scene_.shape[0];
-        parallel_for(std::size_t(scene_.shape[0]) * std::size_t(weights_.channels()),
-                     settings_.threads, nullptr, [&](std::size_t item, int thread) {
-                         Real *values = out_ + std::ptrdiff_t(item) * plane;
-                         transpose(values, scene_.shape[2], scene_.shape[1],
-                                   workspaces_[std::size_t(thread)].plane, values);
-                     });
-        for (Workspace &space : workspaces_) space.plane = Reals();
-        transposed_ = HugeReals();
-    }
     std::ptrdiff_t voxels() const {
         return std::ptrdiff_t(scene_.shape[0]) * scene_.shape[1] * scene_.shape[2];
     }
 
-    const Real *sigma_t(const Frame &frame) const {
-        return frame.transposed() ? transposed_.data() : scene_.sigma_t;
-    }
-
-    // The lattice planes of all directions at once may take as much as the grid; more directions
-    // come in equal parts.
+    // The lattice planes of the directions at once should stay in the cache, unless the channels of
+    // the output, which are touched with each part of the directions, are more than they save, and
+    // may take as much as the grid. Parts are equal.
     std::size_t directions_at_once(const Pass &pass) const {
-        const std::size_t count = pass.directions.size();
+        const std::size_t count = pass.directions.size(), reals = LatticePlanes::reals(pass.frame);
+        const std::size_t best = std::max(kCachedPlanes / (reals * sizeof(Real)),
+                                          kDirectionsPerChannel * std::size_t(weights_.channels()));
         const std::size_t most =
-            std::max<std::size_t>(1, std::size_t(voxels()) / LatticePlanes::reals(pass.frame));
+            std::max<std::size_t>(1, std::min(best, std::size_t(voxels()) / reals));
         const std::size_t parts = (count + most - 1) / most;
         return (count + parts - 1) / parts;
     }
@@ -160,12 +135,13 @@ private:
         const Box box = tiling.box(slab, index);
         const bool filled =
             needs.any(slab, index) &&
-            space.block.load(pass.frame, sigma_t(pass.frame), largest_, tiling.reach(box, pass));
+            space.block.load(pass.frame, scene_.sigma_t, largest_, tiling.reach(box, pass));
         const Tile tile{pass, tiling, needs, planes, slab, index, box, filled, space};
         if (weights_.single(0))
             sum_at_once(tile);
         else
             sum_batches(tile);
+        if (pass.frame.transposed()) transpose_result(tile);
     }
 
     // One weight a direction: each adds itself to the output.
@@ -225,13 +201,23 @@ private:
         }
         for (int channel = 0; !rows.add && channel < weights_.channels(); ++channel) {
             fill(tile.box, 0, rows);
-            rows.first += voxels();
+            rows.first += rows.channel_pitch;
         }
     }
 
+    // Where a tile's sums go: to the output or, transposed, to an array of their own.
     Rows output(const Tile &tile) const {
         const Frame &frame = tile.pass.frame;
         const Box &box = tile.box;
+        if (frame.transposed()) {
+            Reals &result = tile.space.result;
+            const std::ptrdiff_t row_pitch = round_up(box.columns.size()) + kLanes;
+            const std::ptrdiff_t slice_pitch = row_pitch * box.rows.size() + kLanes;
+            const std::ptrdiff_t channel_pitch = slice_pitch * box.slices.size();
+            result.resize(std::size_t(channel_pitch) * std::size_t(weights_.channels()));
+            return {result.data(), box.slices.begin, box.rows.begin, slice_pitch,
+                    row_pitch,     channel_pitch,    false};
+        }
         return {out_ + frame.element(box.slices.begin, box.rows.begin, box.columns.begin),
                 box.slices.begin,
                 box.rows.begin,
@@ -239,6 +225,21 @@ private:
                 frame.row_stride,
                 voxels(),
                 written_};
+    }
+
+    void transpose_result(const Tile &tile) const {
+        const Frame &frame = tile.pass.frame;
+        const Box &box = tile.box;
+        Rows from = output(tile);
+        Real *to = out_ + frame.element(box.slices.begin, 0, box.columns.begin);
+        for (int channel = 0; channel < weights_.channels(); ++channel) {
+            for (int b = box.rows.begin; b < box.rows.end; ++b)
+                transpose_out(from.at(box.slices.begin, b), from.slice_pitch, box.slices.size(),
+                              box.columns.size(), frame.forward, written_,
+                              to + b * frame.row_stride, frame.column_stride, frame.row_stride);
+            from.first += from.channel_pitch;
+            to += voxels();
+        }
     }
 
     // What the quantity is where there is nothing.
@@ -264,7 +265,7 @@ private:
         if (direction.has_far_field && direction.finite) {
             const int last = tile.box.slices.end - 1 - pass.near_slices - direction.tail;
             if (last >= 0) {
-                tile.space.tail.load(pass.frame, sigma_t(pass.frame), largest_,
+                tile.space.tail.load(pass.frame, scene_.sigma_t, largest_,
                                      tail_reach(direction, tile.box, pass, rays));
                 tail = &tile.space.tail;
             }
@@ -282,7 +283,6 @@ private:
     const SweepSettings &settings_;
     const Weights &weights_;
     Real *out_;
-    HugeReals transposed_;
     Real largest_ = 0;
     double longest_step_ = 0.0;
     bool written_ = false;  // whether an earlier pass has written the whole output

@@ -25,50 +25,97 @@ VOLILLUM_DISPATCH bool copy_row(const Real *source, int count, Real largest, std
 namespace {
 
 using Four [[gnu::vector_size(4 * sizeof(Real))]] = Real;
+constexpr int kFour = 4;
 
-// Whole target rows in order, as memory likes it; `source` is in the cache.
-VOLILLUM_DISPATCH void transpose_cached(const Real *source, std::ptrdiff_t pitch, int rows,
-                                        int columns, Real *target) {
-    constexpr int side = kLanes;  // one cache line
-    for (int c0 = 0; c0 < columns; c0 += side)
-        for (int r = 0; r < rows; r += 4)
-            for (int c = c0; c < std::min(c0 + side, columns); c += 4) {
-                const Real *from = source + r * pitch + c;
-                Real *to = target + std::ptrdiff_t(c) * rows + r;
-                if (r + 4 > rows || c + 4 > columns) {
-                    for (int i = 0; i < std::min(4, rows - r); ++i)
-                        for (int j = 0; j < std::min(4, columns - c); ++j)
-                            to[std::ptrdiff_t(j) * rows + i] = from[i * pitch + j];
-                    continue;
-                }
-                // Copies, because rows of an odd width are aligned to one value only.
-                Four in[4];
-                for (int i = 0; i < 4; ++i)
-                    __builtin_memcpy(&in[i], from + i * pitch, sizeof(Four));
-                const Four low01 = __builtin_shufflevector(in[0], in[1], 0, 4, 1, 5);
-                const Four high01 = __builtin_shufflevector(in[0], in[1], 2, 6, 3, 7);
-                const Four low23 = __builtin_shufflevector(in[2], in[3], 0, 4, 1, 5);
-                const Four high23 = __builtin_shufflevector(in[2], in[3], 2, 6, 3, 7);
-                const Four turned[4] = {__builtin_shufflevector(low01, low23, 0, 1, 4, 5),
-                                        __builtin_shufflevector(low01, low23, 2, 3, 6, 7),
-                                        __builtin_shufflevector(high01, high23, 0, 1, 4, 5),
-                                        __builtin_shufflevector(high01, high23, 2, 3, 6, 7)};
-                for (int j = 0; j < 4; ++j)
-                    __builtin_memcpy(to + std::ptrdiff_t(j) * rows, &turned[j], sizeof(Four));
-            }
+// Rows at a distance of `pitch`; copies, because they are aligned to one value only.
+VOLILLUM_INLINE void load(const Real *from, std::ptrdiff_t pitch, Four *rows) {
+    for (int i = 0; i < kFour; ++i) __builtin_memcpy(&rows[i], from + i * pitch, sizeof(Four));
+}
+VOLILLUM_INLINE void store(const Four *rows, Real *to, std::ptrdiff_t pitch) {
+    for (int i = 0; i < kFour; ++i) __builtin_memcpy(to + i * pitch, &rows[i], sizeof(Four));
+}
+
+VOLILLUM_INLINE void fetch(const Real *from, std::ptrdiff_t pitch) {
+    for (int i = 0; i < kFour; ++i) __builtin_prefetch(from + i * pitch);
+}
+
+VOLILLUM_INLINE void transpose(Four *rows) {
+    const Four low01 = __builtin_shufflevector(rows[0], rows[1], 0, 4, 1, 5);
+    const Four high01 = __builtin_shufflevector(rows[0], rows[1], 2, 6, 3, 7);
+    const Four low23 = __builtin_shufflevector(rows[2], rows[3], 0, 4, 1, 5);
+    const Four high23 = __builtin_shufflevector(rows[2], rows[3], 2, 6, 3, 7);
+    rows[0] = __builtin_shufflevector(low01, low23, 0, 1, 4, 5);
+    rows[1] = __builtin_shufflevector(low01, low23, 2, 3, 6, 7);
+    rows[2] = __builtin_shufflevector(high01, high23, 0, 1, 4, 5);
+    rows[3] = __builtin_shufflevector(high01, high23, 2, 3, 6, 7);
 }
 
 }  // namespace
 
-void transpose(const Real *source, int rows, int columns, Reals &plane, Real *target) {
-    // First a copy, in the order of memory, with an odd number of lanes to the row: more than a few
-    // rows of 2^n values would evict each other from the cache.
-    const int lanes = round_up(columns) / kLanes;
-    const std::ptrdiff_t pitch = (lanes % 2 == 0 ? lanes + 1 : lanes) * kLanes;
-    plane.resize(std::size_t(rows) * std::size_t(pitch));
-    for (int r = 0; r < rows; ++r)
-        std::copy_n(source + std::ptrdiff_t(r) * columns, columns, plane.data() + r * pitch);
-    transpose_cached(plane.data(), pitch, rows, columns, target);
+VOLILLUM_DISPATCH bool transpose_in(const Real *source, std::ptrdiff_t column_stride,
+                                    std::ptrdiff_t next, int columns, int slices, bool backward,
+                                    Real largest, Real *target, std::ptrdiff_t slice_pitch) {
+    if (backward) {  // from the last slice on
+        source -= slices - 1;
+        target += (slices - 1) * slice_pitch;
+        slice_pitch = -slice_pitch;
+    }
+    const int whole_columns = columns / kFour * kFour, whole_slices = slices / kFour * kFour;
+    Four any{};
+    for (int c = 0; c < whole_columns; c += kFour) {
+        fetch(source + next + c * column_stride, column_stride);
+        fetch(source + next + c * column_stride + slices - 1, column_stride);
+        for (int t = 0; t < whole_slices; t += kFour) {
+            Four rows[kFour];
+            load(source + c * column_stride + t, column_stride, rows);
+            for (Four &row : rows) {
+                row = row < largest ? row : Four{} + largest;
+                any += row;
+            }
+            transpose(rows);
+            store(rows, target + t * slice_pitch + c, slice_pitch);
+        }
+    }
+    Real sum = any[0] + any[1] + any[2] + any[3];
+    const auto single = [&](int t, int c) {
+        const Real value = std::min(source[c * column_stride + t], largest);
+        target[t * slice_pitch + c] = value;
+        sum += value;
+    };
+    for (int c = 0; c < columns; ++c)
+        for (int t = c < whole_columns ? whole_slices : 0; t < slices; ++t) single(t, c);
+    return sum != 0;
+}
+
+VOLILLUM_DISPATCH void transpose_out(const Real *source, std::ptrdiff_t slice_pitch, int slices,
+                                     int columns, bool backward, bool add, Real *target,
+                                     std::ptrdiff_t column_stride, std::ptrdiff_t next) {
+    if (backward) {
+        target -= slices - 1;
+        source += (slices - 1) * slice_pitch;
+        slice_pitch = -slice_pitch;
+    }
+    const int whole_columns = columns / kFour * kFour, whole_slices = slices / kFour * kFour;
+    for (int c = 0; c < whole_columns; c += kFour) {
+        fetch(target + next + c * column_stride, column_stride);
+        for (int t = 0; t < whole_slices; t += kFour) {
+            Four rows[kFour];
+            Real *to = target + c * column_stride + t;
+            load(source + t * slice_pitch + c, slice_pitch, rows);
+            transpose(rows);
+            if (add) {
+                Four before[kFour];
+                load(to, column_stride, before);
+                for (int i = 0; i < kFour; ++i) rows[i] += before[i];
+            }
+            store(rows, to, column_stride);
+        }
+    }
+    for (int c = 0; c < columns; ++c)
+        for (int t = c < whole_columns ? whole_slices : 0; t < slices; ++t) {
+            Real &to = target[c * column_stride + t];
+            to = (add ? to : 0) + source[t * slice_pitch + c];
+        }
 }
 
 }  // namespace volillum::sweep_detail

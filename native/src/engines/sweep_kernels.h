@@ -12,8 +12,16 @@ namespace volillum::sweep_detail {
 // Rows are short for the hardware's prefetching: the row at source + next is fetched ahead.
 bool copy_row(const Real *source, int count, Real largest, std::ptrdiff_t next, Real *target);
 
-// target[c, r] = source[r, c], both contiguous, and possibly the same; `plane` is a scratch array.
-void transpose(const Real *source, int rows, int columns, Reals &plane, Real *target);
+// The same where the slices of the target are contiguous in memory: target[t * slice_pitch + c] =
+// source[c * column_stride +- t], minus if `backward`. The columns at source + next are fetched
+// ahead.
+bool transpose_in(const Real *source, std::ptrdiff_t column_stride, std::ptrdiff_t next,
+                  int columns, int slices, bool backward, Real largest, Real *target,
+                  std::ptrdiff_t slice_pitch);
+// And back: target[c * column_stride +- t] = or += source[t * slice_pitch + c].
+void transpose_out(const Real *source, std::ptrdiff_t slice_pitch, int slices, int columns,
+                   bool backward, bool add, Real *target, std::ptrdiff_t column_stride,
+                   std::ptrdiff_t next);
 
 // How lattice rays sample a slice: all at the same place between four voxels.
 struct Bilinear {

@@ -8,8 +8,9 @@ namespace {
 
 // Measured on 256^3. Whole rows suit the memory's prefetching; slabs of 8 keep the skew of a tile's
 // rays small; high tiles have little overlap, low ones leave room in the second-level cache for the
-// results of a batch of directions. Larger batches touch the output less often.
-constexpr int kSlabSlices = 8, kTileColumns = 256;
+// results of a batch of directions. Larger batches touch the output less often. Slices that are
+// contiguous in memory come by whole cache lines.
+constexpr int kSlabSlices = 8, kTransposedSlab = kLanes, kTileColumns = 256;
 constexpr int kFewDirections = 3, kHighTile = 64, kLowTile = 16;
 constexpr int kBatchBytes = 2 * 1024 * 1024, kLargestBatch = 16;
 
@@ -22,7 +23,7 @@ int even_tile(int size, int largest, int multiple) {
 }  // namespace
 
 Tiling::Tiling(const Frame &frame_, std::size_t directions) : frame(frame_) {
-    slab_slices = kSlabSlices;
+    slab_slices = frame.transposed() ? kTransposedSlab : kSlabSlices;
     tile_rows = even_tile(frame.rows, directions <= kFewDirections ? kHighTile : kLowTile, 1);
     tile_columns = even_tile(frame.columns, kTileColumns, kLanes);
     slabs = (frame.slices + slab_slices - 1) / slab_slices;
@@ -110,6 +111,20 @@ void LatticePlanes::load_row(int slab, int row, int column, int count, Real *hig
         std::memcpy(to[half] + left, from[half] + offset(row, begin),
                     std::size_t(inside) * sizeof(Real));
         std::fill(to[half] + left + inside, to[half] + count, Real(0));
+    }
+}
+
+void LatticePlanes::fetch_row(int slab, int row_before, int row_after, int column,
+                              int count) const {
+    const auto fetch = [&](const Reals &half, int row) {
+        if (row < -1 || row >= rows_) return;
+        const int end = std::min(column + count, columns_);
+        for (int c = std::max(column, -1); c < end; c += kLanes)
+            __builtin_prefetch(half.data() + offset(row, c));
+    };
+    for (const Reals *half : {high_, low_}) {
+        if (slab > 0) fetch(half[(slab - 1) & 1], row_before);
+        fetch(half[slab & 1], row_after);
     }
 }
 

@@ -155,6 +155,9 @@ void march(const March &m) {
         else
             for (Reals *half : {&scratch.high, &scratch.low})
                 std::fill(half->begin(), half->end(), Real(0));
+        if (m.planes)
+            m.planes->fetch_row(m.slab, u + 1 + before.row, u + 1 + scratch.crossings.back().row,
+                                m.tile.columns.begin, m.tile.columns.size());
         if (m.tail) {
             advance_window(scratch.samplers.data(), scratch.tails.data(),
                            Real(m.direction.tail_fraction), end, row, width, scratch.high.data(),

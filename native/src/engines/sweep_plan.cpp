@@ -97,18 +97,18 @@ Frame::Frame(const Index3 &shape, int major_axis, bool is_forward)
       slices(shape[axis]),
       rows(shape[row_axis]),
       columns(shape[column_axis]) {
-    const std::ptrdiff_t plane = std::ptrdiff_t(shape[1]) * shape[2];
-    const std::ptrdiff_t stride = axis == 0 ? plane : columns;
-    slice_stride = forward ? -stride : stride;
-    row_stride = axis == 0 ? columns : plane;
-    origin = forward ? (slices - 1) * stride : 0;
+    const std::ptrdiff_t strides[3] = {std::ptrdiff_t(shape[1]) * shape[2], shape[2], 1};
+    slice_stride = forward ? -strides[axis] : strides[axis];
+    row_stride = strides[row_axis];
+    column_stride = strides[column_axis];
+    origin = forward ? (slices - 1) * strides[axis] : 0;
 }
 
 std::vector<Pass> plan_passes(const SweepScene &scene, const SweepSettings &settings) {
     check(scene, settings);
     const Matrix3 to_index = inverse_linear(scene.index_to_world);
     std::vector<Pass> passes;
-    for (const int axis : {2, 0, 1})
+    for (const int axis : {0, 1, 2})
         for (const bool forward : {true, false}) {
             const Frame frame(scene.shape, axis, forward);
             passes.push_back({frame, std::min(settings.near_slices, frame.slices), {}});
@@ -118,7 +118,7 @@ std::vector<Pass> plan_passes(const SweepScene &scene, const SweepSettings &sett
         int axis = 0;
         for (int other = 1; other < 3; ++other)
             if (std::abs(along[other]) > std::abs(along[axis])) axis = other;
-        Pass &pass = passes[std::size_t(2 * ((axis + 1) % 3) + (along[axis] > 0.0 ? 0 : 1))];
+        Pass &pass = passes[std::size_t(2 * axis + (along[axis] > 0.0 ? 0 : 1))];
         pass.directions.push_back(
             plan_direction(pass.frame, d, along, pass.near_slices, settings.radius));
     }

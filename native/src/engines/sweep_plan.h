@@ -11,22 +11,21 @@
 namespace volillum::sweep_detail {
 
 // The grid seen along one major axis: slices t (t = 0 at the border where the rays leave), rows b
-// and contiguous columns c. For the axes i and j columns are k; for the axis k they are j, in
-// arrays with j and k exchanged.
+// and columns c. For the axes i and j columns are k, contiguous in memory; for the axis k they are
+// j, and tiles are transposed on their way in and out.
 struct Frame {
     int axis, row_axis, column_axis;
     bool forward;  // whether the rays leave at the axis's upper end
     int slices, rows, columns;
-    std::ptrdiff_t slice_stride, row_stride;  // slice_stride is negative if forward
-    std::ptrdiff_t origin;                    // element of (t, b, c) = (0, 0, 0)
+    std::ptrdiff_t slice_stride, row_stride, column_stride;  // slice_stride is negative if forward
+    std::ptrdiff_t origin;                                   // element of (t, b, c) = (0, 0, 0)
 
     Frame(const Index3 &shape, int major_axis, bool is_forward);
     bool transposed() const { return axis == 2; }
     bool rows_are_inner() const { return axis == 0; }  // in memory, slices are otherwise
-    std::ptrdiff_t inner_stride() const { return rows_are_inner() ? row_stride : slice_stride; }
     int index_along_axis(int t) const { return forward ? slices - 1 - t : t; }
     std::ptrdiff_t element(int t, int b, int c) const {
-        return origin + t * slice_stride + b * row_stride + c;
+        return origin + t * slice_stride + b * row_stride + c * column_stride;
     }
 };
 
@@ -68,7 +67,7 @@ struct Pass {
     std::vector<Direction> directions;
 };
 
-// The passes along k come first. Throws std::invalid_argument for a singular affine, a direction
+// Throws std::invalid_argument for a singular affine, a direction
 // that is not of unit length to 1e-6, a radius that is not positive, or a negative number of near
 // slices.
 std::vector<Pass> plan_passes(const SweepScene &scene, const SweepSettings &settings);

@@ -23,6 +23,9 @@ bool Block::load(const Frame &frame, const Real *sigma_t, Real largest, const Bo
 
     const Range slices = clip(box.slices, frame.slices), rows = clip(box.rows, frame.rows),
                 columns = clip(box.columns, frame.columns);
+    // The memory takes as long as the copies of several rows, and does not foresee the next group
+    // of slices.
+    const std::ptrdiff_t ahead = (frame.rows_are_inner() ? 4 : 1) * frame.row_stride;
     bool filled = false;
     box.for_rows(frame, [&](int t, int b) {
         Real *row = const_cast<Real *>(at(t, b, box.columns.begin));
@@ -34,9 +37,14 @@ bool Block::load(const Frame &frame, const Real *sigma_t, Real largest, const Bo
         }
         Real *inside = row + (columns.begin - box.columns.begin);
         std::fill(row, inside, Real(0));
-        filled |= copy_row(sigma_t + frame.element(t, b, columns.begin), columns.size(), largest,
-                           frame.inner_stride(), inside);
         std::fill(inside + columns.size(), row_end, Real(0));
+        if (!frame.transposed())
+            filled |= copy_row(sigma_t + frame.element(t, b, columns.begin), columns.size(),
+                               largest, ahead, inside);
+        else if (t == slices.begin)
+            filled |= transpose_in(sigma_t + frame.element(t, b, columns.begin),
+                                   frame.column_stride, ahead, columns.size(), slices.size(),
+                                   frame.forward, largest, inside, slice_pitch_);
     });
     return filled;
 }
