@@ -1,17 +1,38 @@
 """A comparison with made-up images, for tests of what is written from it."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from volillum_addon.compare.bounces import Truncation
 from volillum_addon.compare.errors import ErrorImages
-from volillum_addon.compare.metrics import Agreement, Image, sampled_figure
+from volillum_addon.compare.flip import Flip
+from volillum_addon.compare.metrics import (
+    Agreement,
+    Exposure,
+    Image,
+    Mask,
+    drawn_figure,
+    sampled_figure,
+)
 from volillum_addon.compare.reference import Reference
-from volillum_addon.compare.results import Comparison, Measured, ModelResult, Seconds, Timing
+from volillum_addon.compare.renderer import WAYS
+from volillum_addon.compare.results import (
+    Baseline,
+    BaselineMeasured,
+    Comparison,
+    Measured,
+    ModelResult,
+    Rung,
+    Seconds,
+    Timing,
+)
 from volillum_addon.core.camera import Camera
 from volillum_addon.core.grid import Grid
 from volillum_addon.core.lights import DistantLight, EnvironmentLight
 from volillum_addon.core.medium import Medium
 from volillum_addon.core.scene import Scene
+from volillum_addon.models.model import Model, Value
 from volillum_addon.models.registry import MODELS
 
 
@@ -27,6 +48,43 @@ def synthetic_scene() -> Scene:
         (DistantLight((0.4, -0.5, 0.8), (3.0, 2.8, 2.5), 0.4), EnvironmentLight((0.3, 0.4, 0.6))),
         Camera((0.0, -6.0, 1.0), (0.0, 0.0, 0.0)),
     )
+
+
+def synthetic_ladder(model: Model, found: Measured) -> tuple[Rung, ...]:
+    """Half and twice as slow as the model, and a rung that was left out."""
+
+    def timed(factor: float) -> Measured:
+        bake = Timing((found.seconds.bake.median * factor,))
+        return replace(found, seconds=replace(found.seconds, bake=bake), flip=None, witness=None)
+
+    steps: list[dict[str, Value]] = [{"rung": number} for number in range(3)]
+    return (
+        Rung(steps[0], timed(0.5)),
+        Rung(steps[1], timed(2.0)),
+        Rung(steps[2], reason="would take about 200 s; the budget is 15 s"),
+    )
+
+
+def synthetic_baselines(
+    random: np.random.Generator, full: Image, mask: Mask
+) -> tuple[Baseline, ...]:
+    """Path tracing with the noise of 1 to 16 samples; there is no denoiser."""
+    result = []
+    for way in WAYS:
+        for samples in (1, 4, 16):
+            if way.denoised:
+                result.append(Baseline(way, samples, reason="this Cycles has no such way"))
+                continue
+            noise = (0.4 if way.biased else 0.8) / samples**0.5
+            shape = (3, *mask.shape, 1)
+            draws = full.value * (1 + noise * random.standard_normal(shape))
+            total = drawn_figure(draws, full, mask)
+            found = BaselineMeasured(
+                Timing((0.2 + 0.1 * samples,) * 3), draws[0].astype(np.float32), total,
+                Exposure(0.98, 0.001), total, Flip(noise / 4, 0.001, is_bound=False),
+            )  # fmt: skip
+            result.append(Baseline(way, samples, found))
+    return tuple(result)
 
 
 def synthetic_comparison(
@@ -71,6 +129,7 @@ def synthetic_comparison(
             errors=errors,
             exposure=exposure,
             total_after_exposure=after,
+            flip=Flip(0.05 + 0.02 * index, 0.001, is_bound=False),
             witness=Agreement(1.02, 0.1, -0.4, 48) if index else None,
         )
         models.append(
@@ -82,6 +141,7 @@ def synthetic_comparison(
                 model.values({}),
                 ('leaves out <the sky> & "haze"',),
                 measured,
+                ladder=synthetic_ladder(model, measured),
             )
         )
     last = known[-1]
@@ -98,6 +158,7 @@ def synthetic_comparison(
         full=Reference(reference, 64, 64, 16, 40.0, 0.01),
         truncation=Truncation(32, 0.0004, 0.0002),
         models=tuple(models),
+        baselines=synthetic_baselines(random, reference, mask),
         machine={
             "system": "Linux x86_64",
             "processor": "a processor",

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volillum_addon.bake.run import baked_volume
+from volillum_addon.compare.renderer import WAYS, Way
 from volillum_addon.core.lights import Light
 from volillum_addon.core.scene import Scene
 from volillum_addon.models.exact import exact_image
@@ -45,6 +46,17 @@ class FakeRenderer:
         self.calls["reference"] += 1
         return self._noisy(self.truth(bounces), samples, seed)
 
+    def ways(self) -> tuple[Way, ...]:
+        """No denoiser is there."""
+        return tuple(way for way in WAYS if not way.denoised)
+
+    def baseline(self, way: Way, bounces: int, samples: int, seed: int) -> tuple[Pixels, float]:
+        """The truth with its noise, unbiased twice as much; a second and 0.01 s a sample."""
+        self.calls["baseline"] += 1
+        more = 1 if way.biased else 0.25
+        image = self._noisy(self.truth(bounces), samples * more, 10_000 * samples + seed)
+        return image, 1 + 0.01 * samples
+
     def display(self, baked: Path, samples: int, seed: int, subpixels: int) -> Pixels:
         """The line integral, one part in a thousand too bright."""
         assert (samples, seed, subpixels) == (1, 0, 2)
@@ -76,6 +88,6 @@ class FakeRenderer:
         """One made-up program."""
         return {"fake renderer": "1.0"}
 
-    def _noisy(self, image: NDArray[np.float64], samples: int, seed: int) -> Pixels:
+    def _noisy(self, image: NDArray[np.float64], samples: float, seed: int) -> Pixels:
         noise = np.random.default_rng(seed).standard_normal((self.height, self.width, 1))
         return (image * (1 + NOISE / np.sqrt(samples) * noise)).astype(np.float32)

@@ -358,3 +358,50 @@ def test_a_killed_range_of_frames_resumes(made: Path, tmp_path: Path) -> None:
     assert found[0]
     assert len(found) == 3 == len(list(folder.iterdir()))  # no temporary is left
     assert whole.stat().st_mtime_ns == before
+
+
+def test_a_killed_comparison_is_resumed_and_loses_nothing(made: Path) -> None:
+    asked = ["compare", "plume.blend", "--models", "ambient_occlusion", "--width", "16",
+             "--samples", "2", "--seconds", "0.1", "--baselines", "1", "-o", "killed"]  # fmt: skip
+    killed, parts = made / "killed", made / "killed" / "parts"
+    process = start(made, *asked)
+    while len(list(parts.glob("*.npz"))) < 4:
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.02)
+    process.kill()
+    process.communicate()
+    assert not (killed / "report.json").exists()
+    before = {path.name: path.read_bytes() for path in parts.glob("*.npz")}
+    elsewhere, resumed, again = session(
+        made,
+        ["compare", "other.blend", "--resume", "-o", "killed"],
+        ["compare", "--resume", "-o", "killed"],
+        ["compare", "--resume", "-o", "killed"],
+    )
+    assert elsewhere.status == 1
+    assert "the file to resume with is" in elsewhere.line
+    assert resumed.status == 0, resumed.err
+    assert resumed.out.splitlines()[-1] == str(Path("killed") / "report.html")
+    report = json.loads((killed / "report.json").read_text())
+    assert [model["id"] for model in report["models"]] == ["ambient_occlusion"]
+    assert report["scene"]["width"] == 16
+    assert {entry["samples"] for entry in report["baselines"]} == {1}
+    # What was done is as it was, but for a reference's tally that had not all its seeds yet.
+    for name, held in before.items():
+        assert name.startswith("reference") or (parts / name).read_bytes() == held
+    assert again.status == 1
+    assert again.line == (
+        "the comparison in killed is a finished one; expected an unfinished one for --resume"
+    )
+
+
+def test_another_unfinished_comparison_is_noted(made: Path) -> None:
+    held = made / "noted"
+    held.mkdir()
+    (held / "unfinished.json").write_text('{"file": "elsewhere.blend"}')
+    (refused,) = session(made, ["compare", "plume.blend", "--width", "2", "-o", "noted"])
+    note, complaint = refused.err.splitlines()
+    assert note.startswith("note: noted holds an unfinished comparison that was asked for")
+    assert "width is 2" in complaint
+    # What is refused takes nothing's place.
+    assert json.loads((held / "unfinished.json").read_text()) == {"file": "elsewhere.blend"}

@@ -25,6 +25,7 @@ from volillum_addon.blender import cycles as cycles_module
 from volillum_addon.blender.cycles import CyclesRenderer
 from volillum_addon.blender.light_builder import build_world
 from volillum_addon.blender.light_reader import read_lights
+from volillum_addon.compare.renderer import Way
 from volillum_addon.core.camera import Camera
 from volillum_addon.core.control import Cancelled
 from volillum_addon.core.lights import (
@@ -119,6 +120,29 @@ def test_the_reference_has_the_back_scatter_of_a_layer() -> None:
     assert renderer.reference(8, 16, 3).mean() > 1.2 * wanted
     assert np.array_equal(renderer.reference(0, 4, 5), renderer.reference(0, 4, 5))
     assert not np.array_equal(renderer.reference(0, 4, 5), renderer.reference(0, 4, 6))
+
+
+def test_every_way_of_path_tracing_has_the_reference_s_mean() -> None:
+    scene = scene_of(perspective(), DistantLight((1, -1, 1), 2.0, 0.3))
+    renderer = CyclesRenderer(scene, 32, 32)
+    truth = np.array([renderer.reference(8, 64, seed) for seed in (1, 2)], np.float64)
+    mean = truth.mean()
+    spread = {}
+    for way in renderer.ways():
+        drawn = [renderer.baseline(way, 8, 16, seed) for seed in (3, 4)]
+        images = np.array([image for image, _ in drawn], np.float64)
+        assert all(seconds > 0 for _, seconds in drawn)
+        spread[way] = float(np.std(images - truth.mean(0)) / mean)
+        # The error of the mean of 2 x 1,024 independent pixels, their noise being at most as large
+        # as the spread of those that are not denoised; the denoiser shifts means by up to 0.6 %
+        # of bright and dark places alike.
+        plain = spread[Way(way.biased, False)]
+        error = 4 * plain / math.sqrt(images.size / 3) + (0.02 if way.denoised else MARCH)
+        assert images.mean() == pytest.approx(mean, rel=error), way
+    for way in renderer.ways():
+        if way.denoised:
+            assert spread[way] < 0.7 * spread[Way(way.biased, False)], way
+    assert len(spread) == 4
 
 
 def dump(value: Any, seen: set[int], path: str, lines: list[str]) -> None:

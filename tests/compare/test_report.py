@@ -1,5 +1,7 @@
 """What is written: report.json by its schema, tables, pictures, OpenEXR files."""
 
+import csv
+import html
 import io
 import json
 import math
@@ -13,9 +15,11 @@ import pytest
 from comparisons import synthetic_comparison
 from matplotlib.image import imread
 
-from volillum_addon.compare import images, report, table
+from volillum_addon.compare import images, page, paper, report, table
+from volillum_addon.compare.figures import summary
 from volillum_addon.compare.metrics import Figure
 from volillum_addon.compare.results import Comparison
+from volillum_addon.core.colour import LUMINANCE
 from volillum_addon.models.registry import MODELS
 
 
@@ -63,7 +67,7 @@ def test_the_schema_refuses_what_it_should(comparison: Comparison) -> None:
         (("models", 0, "errors", "total", "relative_rmse"), -0.1),
         (("models", 0, "seconds", "bake"), 0.5),
         (("references", "full", "seeds"), 1),
-        (("schema",), 2),
+        (("schema",), 3),
     ]:
         data = report.as_json(comparison)
         place = data
@@ -130,7 +134,7 @@ def test_tone_mapping_is_the_srgb_curve_under_one_exposure(comparison: Compariso
     grey = np.array([[[0.0] * 3, [0.5] * 3, [0.9] * 3, [7.0] * 3]]) / tone.exposure
     # IEC 61966-2-1: 0.5 is 187.5, 0.9 is 243.4.
     assert tone.picture(grey)[0, :, 0].tolist() == [0, 188, 243, 255]
-    luminance = (comparison.full.image.value @ images.LUMINANCE)[comparison.mask]
+    luminance = (comparison.full.image.value @ LUMINANCE)[comparison.mask]
     assert np.mean(luminance * tone.exposure > 0.9) == pytest.approx(0.01, abs=0.005)
 
 
@@ -143,7 +147,7 @@ def test_error_colours_are_signed_symmetric_and_black_at_zero(comparison: Compar
     assert low[2] > low[0]
     assert high[0] > high[2]
     np.testing.assert_array_equal(high, beyond)
-    bar = images.colour_bar()[0].astype(float) @ images.LUMINANCE
+    bar = images.colour_bar()[0].astype(float) @ LUMINANCE
     np.testing.assert_allclose(bar, bar[::-1], atol=14)  # of 255: equally light on both sides
 
 
@@ -151,7 +155,7 @@ def test_the_error_scale_holds_nearly_all_errors(comparison: Comparison) -> None
     tone = images.Tone.of(comparison)
     # One scale for all models: 2 % of all their pixels lie beyond it, however a single one does.
     errors = [
-        np.abs(found.images.total @ images.LUMINANCE)[comparison.mask] / tone.mean
+        np.abs(found.images.total @ LUMINANCE)[comparison.mask] / tone.mean
         for _, found in comparison.measured
     ]
     assert np.mean(np.concatenate(errors) > tone.limit) <= 0.02
@@ -185,3 +189,35 @@ def test_no_figure_is_not_a_number(comparison: Comparison) -> None:
         return [value] if isinstance(value, float) else []
 
     assert all(math.isfinite(number) for number in numbers(report.as_json(comparison)))
+
+
+def test_every_measured_way_is_a_row_of_the_paper_s_table(comparison: Comparison) -> None:
+    rows = list(csv.DictReader(io.StringIO(paper.table(comparison))))
+    data = report.as_json(comparison)
+    found = summary(comparison)
+    assert len(rows) == sum(len(one.points) for one in found.series)
+    by_id = {f"{model['id']}.{model['variant']}": model for model in data["models"]}
+    compared = [row for row in rows if row["series"] in by_id and row["flip"]]
+    assert len(compared) == len(MODELS)  # rungs of a ladder have no FLIP
+    for row in compared:
+        model = by_id[row["series"]]
+        assert float(row["total_relative_rmse"]) == model["errors"]["total"]["relative_rmse"]
+        assert float(row["flip"]) == model["flip"]["mean"]
+        assert float(row["seconds"]) == pytest.approx(model["seconds"]["total"])
+    traced = [row for row in rows if row["series"] == "cycles_biased"]
+    assert [row["settings"] for row in traced] == ["1 sample", "4 samples", "16 samples"]
+    assert all(row["numerical_relative_rmse"] == "" for row in traced)
+
+
+def test_the_page_the_data_and_the_table_say_the_same_seconds(comparison: Comparison) -> None:
+    data, printed = report.as_json(comparison), html.unescape(page.page(comparison))
+    for entry in data["time_to_error"]:
+        for target in entry["targets"]:
+            if target["seconds"] is not None and target["how"] == "measured":
+                assert table.seconds(target["seconds"]) in printed
+                assert table.seconds(target["seconds"]) in table.text(comparison)
+    assert {target["how"] for entry in data["time_to_error"] for target in entry["targets"]} >= {
+        "measured", "interpolated", "averaged", "model error",
+    }  # fmt: skip
+    for move in data["break_even"]:
+        assert [entry["frames"] for entry in move["frames"]] == [1, 24, 240]

@@ -9,7 +9,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from comparisons import synthetic_scene
-from fake_renderer import FakeRenderer
+from fake_renderer import NOISE, FakeRenderer
 
 from volillum_addon.compare import report
 from volillum_addon.compare.measure import Options
@@ -19,6 +19,7 @@ from volillum_addon.core.control import Cancelled, Control
 from volillum_addon.core.errors import InputError
 from volillum_addon.core.lights import EnvironmentLight
 from volillum_addon.core.scene import Scene
+from volillum_addon.models.registry import get
 
 OPTIONS = Options(
     name="ball", samples=64, noise=0.01, seconds=600, repeats=1, points=4, directions=16,
@@ -49,8 +50,55 @@ def test_the_report_obeys_its_schema_and_the_files_are_there(run: Run) -> None:
     assert [entry["id"] for entry in data["models"]] == MODELS
     files = {path.name for path in run.directory.iterdir()}
     images = {entry["image"] for entry in data["models"]}
-    expected = {"report.json", "report.html", "contact_sheet.png", "bakes", "parts"}
-    assert files == images | expected
+    expected = {"report.json", "report.html", "contact_sheet.png", "bakes", "parts", "paper.csv"}
+    plots = {f"plot_{name}.svg" for name in ("error_time", "error_parts", "profile")}
+    assert files == images | expected | plots
+
+
+def test_path_tracing_has_the_error_of_its_noise(run: Run) -> None:
+    """The fake renderer's noise is NOISE / sqrt(samples) of each value, unbiased twice that."""
+    assert {entry.samples for entry in run.found.baselines} == {1, 4, 16, 64}
+    for entry in run.found.baselines:
+        if entry.way.denoised:
+            assert (entry.measured, entry.reason) == (None, "this Cycles has no such way")
+            continue
+        found = entry.measured
+        assert found is not None
+        noise = NOISE * (1 if entry.way.biased else 2) / np.sqrt(entry.samples)
+        # Three draws are few for a standard error: 4 of them are left by 6 % of Student's t.
+        assert found.total.relative_rmse == pytest.approx(noise, abs=8 * found.total.noise)
+        assert found.total.noise < 0.2 * noise
+        assert found.seconds.median == 1 + 0.01 * entry.samples
+        assert found.total_after_exposure.relative_rmse <= found.total.relative_rmse
+        assert 0 < found.flip.value < 1
+
+
+def test_a_model_s_ladder_is_measured_as_far_as_the_budget_reaches(tmp_path: Path) -> None:
+    options = replace(OPTIONS, ladder=True, baselines=0)
+    model = "multidirectional_occlusion"
+    found = compare(FakeRenderer(synthetic_scene(), 20, 16), [model], options, tmp_path)
+    ladder = found.models[0].ladder
+    assert not found.baselines
+    given = found.models[0].parameters
+    expected = [get(model).values(rung) for rung in get(model).ladder]
+    assert [{**given, **rung.settings} for rung in ladder] == [v for v in expected if v != given]
+    measured = [rung.measured for rung in ladder if rung.measured is not None]
+    assert len(measured) == len(ladder)
+    # One equation, so one exact image; the bakes come closer to the last one's.
+    images = [each.images for each in measured]
+    assert all(np.array_equal(each.exact.value, images[0].exact.value) for each in images)
+    last = images[-1].integrated.value
+    distances = [np.abs(each.integrated.value - last).mean() for each in images]
+    assert distances == sorted(distances, reverse=True)
+    assert distances[0] > 0
+    hurried = replace(options, rung_seconds=1e-6)
+    again = compare(FakeRenderer(synthetic_scene(), 20, 16), [model], hurried, tmp_path)
+    reasons = [rung.reason for rung in again.models[0].ladder]
+    assert reasons[0] is None
+    assert all(reason and "the budget is" in reason for reason in reasons[1:])
+    data = json.loads((tmp_path / "report.json").read_text())
+    jsonschema.Draft202012Validator(json.loads(report.SCHEMA.read_text())).validate(data)
+    assert [rung["reason"] for rung in data["models"][0]["ladder"]] == reasons
 
 
 def test_references_are_the_truth_within_their_noise(run: Run) -> None:

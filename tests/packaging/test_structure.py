@@ -11,7 +11,16 @@ from project_files import ROOT, tracked_files
 
 LAYERS = ("core", "models", "bake", "readers", "compare", "blender")
 # Whoever imports one of these needs Blender running; openvdb lies in its package but does without.
-BLENDER_MODULES = {"addon_utils", "bl_ui", "blf", "bpy", "bpy_extras", "gpu", "mathutils"}
+BLENDER_MODULES = {
+    "_cycles",
+    "addon_utils",
+    "bl_ui",
+    "blf",
+    "bpy",
+    "bpy_extras",
+    "gpu",
+    "mathutils",
+}
 # A process elsewhere that imports what this one does.
 ENVIRONMENT = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])}
 

@@ -16,7 +16,7 @@ from .. import __version__
 from ..core.control import Cancelled
 from ..models.composition import FORM
 from ..models.registry import MODELS
-from . import analyse_command, import_command, scene_presets
+from . import analyse_command, compare_command, import_command, scene_presets
 from .arguments import model_id, model_ids, positive
 from .describe import as_json, as_markdown, as_text
 from .failures import EXPECTED, one_line
@@ -119,13 +119,22 @@ def _add_compare(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--models", type=model_ids, default=(), metavar="ID,ID", help="default: all"
     )
-    _add_thoroughness(command, samples=64, noise=1.0, seconds=120.0, rays=32, width=None)
+    compare_command.add_thoroughness(
+        command, samples=64, noise=1.0, seconds=120.0, rays=32, width=None
+    )
+    command.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on with the directory's unfinished comparison, as it was asked for",
+    )
     command.set_defaults(run=_compare)
 
 
 def _add_demo(command: argparse.ArgumentParser) -> None:
     _add_output(command)
-    _add_thoroughness(command, samples=32, noise=2.0, seconds=45.0, rays=16, width=72)
+    compare_command.add_thoroughness(
+        command, samples=32, noise=2.0, seconds=45.0, rays=16, width=72
+    )
     command.set_defaults(run=_demo)
 
 
@@ -159,31 +168,6 @@ def _add_progress(command: argparse.ArgumentParser) -> None:
     )
 
 
-def _add_thoroughness(
-    command: argparse.ArgumentParser,
-    samples: int,
-    noise: float,
-    seconds: float,
-    rays: int,
-    width: int | None,
-) -> None:
-    for name, kind, default, metavar, text in (
-        ("--samples", _whole, samples, "N", "samples per pixel and seed of a reference"),
-        ("--noise", positive, noise, "PERCENT", "render references until below this noise"),
-        ("--seconds", positive, seconds, "BUDGET", "or until this time has gone"),
-        ("--rays", _whole, rays, "N", "rays per point of the models' exact images"),
-        ("--width", _whole, width, "N", "pixels across"),
-    ):
-        shown = "as the scene renders" if default is None else f"{default:g}"
-        help_text = f"{text} (default: {shown})"
-        command.add_argument(name, type=kind, default=default, metavar=metavar, help=help_text)
-    command.add_argument(
-        "--published",
-        action="store_true",
-        help="set each model's published algorithm beside it",
-    )
-
-
 def _assignment(text: str) -> tuple[str, str]:
     name, equals, value = text.partition("=")
     if not (name and equals and value):
@@ -199,13 +183,6 @@ def _frames(text: str) -> range:
     if not frames:
         raise argparse.ArgumentTypeError(f"{text!r} ends before it begins")
     return frames
-
-
-def _whole(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{text} is not at least 1")
-    return value
 
 
 def _models(options: argparse.Namespace) -> None:
@@ -256,12 +233,16 @@ def _bake(options: argparse.Namespace) -> None:
 def _compare(options: argparse.Namespace) -> None:
     from . import commands
 
+    if options.resume:
+        where = (options.file, options.scene, options.output, options.progress_seconds)
+        print(commands.resume(*where))
+        return
     print(
         commands.compare(
             options.file,
             options.scene,
             options.models,
-            commands.Thoroughness.of(options),
+            commands.Thoroughness.of(compare_command.filled(options)),
             options.output,
             options.progress_seconds,
         )
@@ -271,5 +252,5 @@ def _compare(options: argparse.Namespace) -> None:
 def _demo(options: argparse.Namespace) -> None:
     from . import commands
 
-    thoroughness = commands.Thoroughness.of(options)
+    thoroughness = commands.Thoroughness.of(compare_command.filled(options))
     print(commands.demo(thoroughness, options.output, options.progress_seconds))

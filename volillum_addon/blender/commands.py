@@ -8,12 +8,13 @@ import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from ..compare import unfinished
 from ..compare.measure import Options
 from ..compare.table import text
-from ..core.errors import InputError, choice
+from ..core.errors import InputError, bad, choice
 from ..resources import PRESETS
 from .terminal import quiet, watched
 
@@ -36,6 +37,9 @@ class Thoroughness:
     rays: int
     width: int | None
     published: bool = False
+    ladder: bool = False
+    baselines: int = 64
+    rung_seconds: float | None = None
 
     @classmethod
     def of(cls, options: argparse.Namespace) -> Thoroughness:
@@ -47,6 +51,9 @@ class Thoroughness:
             options.rays,
             options.width,
             options.published,
+            options.ladder,
+            options.baselines,
+            options.rung_seconds,
         )
 
 
@@ -106,7 +113,24 @@ def compare(
     directory: Path,
     progress_seconds: float | None,
 ) -> str:
-    """Compare with the file's own parameters; the closing table and the report's path."""
+    """Compare with the file's own parameters; the closing table and the report's path.
+
+    Parts that the directory holds are found by their hashes, whatever was asked for when they were
+    measured. What is asked for now is kept until it is done, for `resume`.
+    """
+    request = {
+        "file": None if file is None else str(file.absolute()),
+        "scene": scene_name,
+        "models": list(models),
+        "thoroughness": asdict(thoroughness),
+    }
+    before = unfinished.asked(directory)
+    if before is not None and before != request:
+        print(
+            f"note: {directory} holds an unfinished comparison that was asked for otherwise; what "
+            "it measured stays, but --resume will go on with this one",
+            file=sys.stderr,
+        )
     with quiet(), opened(file, scene_name) as scene:
         options = Options(
             name=scene.name,
@@ -115,13 +139,44 @@ def compare(
             seconds=thoroughness.seconds,
             directions=thoroughness.rays,
             published=thoroughness.published,
+            ladder=thoroughness.ladder,
+            baselines=thoroughness.baselines,
+            rung_seconds=thoroughness.rung_seconds,
         )
         chosen = work.chosen_models(scene, models)
-        with watched("comparing", progress_seconds, estimated=True) as control:
+        with (
+            unfinished.noted(directory, request),
+            watched("comparing", progress_seconds, estimated=True) as control,
+        ):
             found = comparing.compare(
                 scene, chosen, options, thoroughness.width, directory, control
             )
     return f"{text(found)}\n\n{directory / comparing.PAGE}"
+
+
+def resume(
+    file: Path | None,
+    scene_name: str | None,
+    directory: Path,
+    progress_seconds: float | None,
+) -> str:
+    """Go on with the directory's unfinished comparison as it was asked for. A file or scene may be
+    named again, and must then be the same."""
+    held = unfinished.asked(directory)
+    if held is None:
+        state = "a finished one" if (directory / comparing.PAGE).exists() else "none"
+        raise bad(f"the comparison in {directory}", state, "an unfinished one for --resume")
+    for name, given in (("file", file and str(file.absolute())), ("scene", scene_name)):
+        if given is not None and given != held[name]:
+            raise bad(f"the {name} to resume with", given, f"{held[name]}", str(directory))
+    return compare(
+        None if held["file"] is None else Path(held["file"]),
+        held["scene"],
+        tuple(held["models"]),
+        Thoroughness(**held["thoroughness"]),
+        directory,
+        progress_seconds,
+    )
 
 
 def demo(thoroughness: Thoroughness, directory: Path, progress_seconds: float | None) -> str:

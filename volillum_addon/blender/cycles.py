@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import hashlib
 import json
+import time
 from pathlib import Path
 
+import _cycles
 import bpy
 import numpy as np
 
 from ..bake.vdb import read_vdb, write_vdb
+from ..compare.renderer import WAYS, Way
 from ..core.camera import Camera
 from ..core.lights import DistantLight, EnvironmentLight, Light
 from ..core.scene import Scene
@@ -55,23 +58,34 @@ class CyclesRenderer:
 
         `scene` replaces medium and lights (their core form), for variants of the scene.
         """
-        shown = scene or self.scene
         with sandbox() as (own, folder):
-            path = folder / f"medium-{_digest(shown.medium)}.vdb"
-            bare = IlluminationVolume("none", {}, shown.medium, {}, ())
-            write_vdb(bare, path)
-            add_volume(own, path, medium_material("medium", bare))
-            if scene is None and self.source is not None:
-                self._copy_lights(own, self.source)
-            else:
-                add_lights(own, shown.lights, shown.medium.sigma_t.centre)
-            add_camera(own, self.camera, self._clip(shown))
+            self._add_medium(own, self._write_medium(scene or self.scene, folder), scene)
             set_cycles(own, samples, seed)
             own.cycles.max_bounces = own.cycles.volume_bounces = bounces
             # Unbiased null scattering has twice the noise for the time, and seconds of set-up a
             # render; the bias of the march is far below the references' noise.
             _march(own)
             return render_image(own, self.width, self.height, folder)[..., :3]
+
+    def ways(self) -> tuple[Way, ...]:
+        """All, but without Open Image Denoise those that need it."""
+        return tuple(way for way in WAYS if _cycles.with_openimagedenoise or not way.denoised)
+
+    def baseline(self, way: Way, bounces: int, samples: int, seed: int) -> tuple[Image, float]:
+        """Cycles as it would otherwise be used: Blender's own steps of the march, Open Image
+        Denoise with its defaults. Only the pixel's filter stays the references'."""
+        with sandbox() as (own, folder):
+            medium = self._write_medium(self.scene, folder)
+            begin = time.perf_counter()
+            self._add_medium(own, medium, None)
+            set_cycles(own, samples, seed)
+            own.cycles.max_bounces = own.cycles.volume_bounces = bounces
+            own.cycles.volume_biased = way.biased
+            if way.denoised:
+                own.cycles.use_denoising = True
+                own.cycles.denoiser = "OPENIMAGEDENOISE"
+            image = render_image(own, self.width, self.height, folder)[..., :3]
+            return image, time.perf_counter() - begin
 
     def display(self, baked: Path, samples: int = 1, seed: int = 0, subpixels: int = 1) -> Image:
         """Cycles' image of a baked file under the scene's lights.
@@ -142,6 +156,28 @@ class CyclesRenderer:
 
     def _clip(self, scene: Scene) -> tuple[float, float]:
         return clip_range(self.camera, scene.medium.sigma_t.corners())
+
+    def _write_medium(self, scene: Scene, folder: Path) -> tuple[Path, IlluminationVolume]:
+        path = folder / f"medium-{_digest(scene.medium)}.vdb"
+        bare = IlluminationVolume("none", {}, scene.medium, {}, ())
+        write_vdb(bare, path)
+        return path, bare
+
+    def _add_medium(
+        self,
+        own: bpy.types.Scene,
+        medium: tuple[Path, IlluminationVolume],
+        scene: Scene | None,
+    ) -> None:
+        """The medium that scatters, the camera, and `scene`'s lights or else the user's own."""
+        shown = scene or self.scene
+        path, bare = medium
+        add_volume(own, path, medium_material("medium", bare))
+        if scene is None and self.source is not None:
+            self._copy_lights(own, self.source)
+        else:
+            add_lights(own, shown.lights, shown.medium.sigma_t.centre)
+        add_camera(own, self.camera, self._clip(shown))
 
     def _add_bake(self, own: bpy.types.Scene, baked: Path, limit: int | None, folder: Path) -> None:
         volume = relight(read_vdb(baked), self.scene.lights)

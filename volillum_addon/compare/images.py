@@ -28,10 +28,10 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from numpy.typing import NDArray
 
 from ..bake.store import replacing
+from ..core.colour import LUMINANCE
 from .errors import ErrorImages
 from .results import Comparison
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec.709
 WHITE_QUANTILE, WHITE = 0.99, 0.9
 # The colour scale's end: nearly all errors of all models are inside it.
 SCALE_QUANTILE = 0.98

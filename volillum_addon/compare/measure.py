@@ -21,12 +21,15 @@ from ..models.model import Equation, Model, Values
 from ..models.registry import get
 from .cache import key_of, load, store
 from .errors import field_error, image_of
+from .flip import Eye, Flip
 from .machine import machine
 from .metrics import Agreement, Figure, Image, Mask, agreement
 from .reference import Report, Stopping, gather
 from .renderer import Pixels, Renderer
 from .results import Seconds, Timing
 
+# What one setting may take of the full reference's seconds.
+RUNG_SHARE = 1 / 8
 # Raised when what a stored part holds, or how it is computed, changes.
 PARTS_REVISION = 1
 
@@ -40,7 +43,9 @@ class Options:
     The exact image takes `points` on a ray with `directions` each, the exact field
     `voxel_directions` at `voxels` draws of visible voxels, or what takes as long for equations that
     are harder to sample (`affordable`). `published` sets the published algorithm
-    beside each model that has one.
+    beside each model that has one, `ladder` every model's other settings; `baselines` is the most
+    samples of the renderer's own pictures (0: none). A setting or number of samples that would take
+    longer than `rung_seconds` (None: RUNG_SHARE of `seconds`) is left out.
     """
 
     name: str = "volume"
@@ -57,6 +62,14 @@ class Options:
     voxel_directions: int = 2048
     seed: int = 0
     published: bool = False
+    ladder: bool = False
+    baselines: int = 64
+    rung_seconds: float | None = None
+
+    @property
+    def rung_budget(self) -> float:
+        """Seconds that one setting of a ladder or one number of samples may take."""
+        return self.seconds * RUNG_SHARE if self.rung_seconds is None else self.rung_seconds
 
 
 class NoWitnessError(Exception):
@@ -269,6 +282,17 @@ def witness(
         return None
     truth = exact(bench, model, values, control, clamped=False)
     return agreement(truth, tally.image(), mask)
+
+
+def flip(bench: Bench, eye: Eye, draws: NDArray[np.floating]) -> Flip:
+    """How different the picture looks, from independent draws [n, h, w, 3] of it."""
+    path = bench.part("flip", draws=draws, **eye.identity())
+    held = load(path)
+    if held is None:
+        seen = eye.flip(list(draws))
+        store(path, **asdict(seen))
+        return seen
+    return Flip(float(held["value"]), float(held["noise"]), bool(held["is_bound"]))
 
 
 def affordable(equations: tuple[Equation, ...], wanted: int) -> int:

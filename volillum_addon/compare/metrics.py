@@ -140,6 +140,34 @@ def figure(estimate: Image, truth: Image, mask: Mask) -> Figure:
     return _figure(q, math.sqrt(max(variance, 0.0)) / scale, bias, math.sqrt(bias_variance) / total)
 
 
+def drawn_figure(draws: Values, truth: Image, mask: Mask) -> Figure:
+    """The error to expect of an image that is itself random, from independent `draws`
+    [n, h, w, 3]: their noise is error and stays, as whoever renders one such image has it.
+
+    The standard error holds the spread of the draws and the truth's noise, which all share.
+    """
+    b = truth.inside(mask)
+    errors = draws[:, mask] - b.value
+    count = len(errors)
+    if count < 2:
+        raise bad("draws of a random image", count, "at least 2")
+    scale = float(np.sum(b.value**2) - np.sum(b.variance))
+    total = float(np.sum(b.value))
+    if not (scale > 0 and total > 0):
+        raise bad("the truth inside the silhouette", "black or all noise", "some light")
+    squares = (np.sum(errors**2, axis=(1, 2)) - np.sum(b.variance)) / scale
+    biases = np.sum(errors, axis=(1, 2)) / total
+    q, bias = float(squares.mean()), float(biases.mean())
+    shared = _square_variance(errors.mean(axis=0) + max(q, 0.0) * b.value, b.variance, b.degrees)
+    bias_shared = (1 + bias) ** 2 * _sum_variance(b.variance)
+    return _figure(
+        q,
+        math.sqrt(max(shared, 0.0) / scale**2 + float(squares.var(ddof=1)) / count),
+        bias,
+        math.sqrt(bias_shared / total**2 + float(biases.var(ddof=1)) / count),
+    )
+
+
 def sampled_figure(
     estimate: Image, truth: Image, counts: NDArray[np.integer] | None = None
 ) -> Figure:

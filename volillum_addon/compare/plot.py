@@ -1,142 +1,182 @@
-"""Error against time as inline SVG: both axes logarithmic, noise bars, no library, any theme.
+"""The parts of a plot as inline SVG: no library, any theme.
 
-Colours and fonts come from the page's style sheet, so that the plot follows light and dark.
+Colours and fonts come from plot.css and the page's palette, so that plots follow light and dark;
+`standalone` puts the light palette in, for files of their own.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
-from itertools import pairwise
+from pathlib import Path
 
 from .metrics import Figure
-from .results import Comparison
-from .table import percent, seconds
 
-WIDTH, HEIGHT = 760, 400
-LEFT, RIGHT, TOP, BOTTOM = 64, 24, 16, 48
-# Room around the data, as a factor on the logarithmic axes.
-ROOM = 1.6
+STYLE = Path(__file__).with_name("plot.css")
+PALETTE = Path(__file__).with_name("page.html")
+# Colours of series, one after another.
+COLOURS = 7
+# Least distance of two labels.
 LINE = 17
 
 
 @dataclass(frozen=True)
 class Axis:
-    """A logarithmic axis from `low` to `high`, drawn from pixel `begin` to `end`."""
+    """An axis from `low` to `high`, drawn from pixel `begin` to `end`; logarithmic unless told."""
 
     low: float
     high: float
     begin: float
     end: float
+    logarithmic: bool = True
 
     def place(self, value: float) -> float:
         """The pixel of a value, kept inside the axis."""
         inside = min(max(value, self.low), self.high)
-        share = math.log(inside / self.low) / math.log(self.high / self.low)
+        if self.logarithmic:
+            share = math.log(inside / self.low) / math.log(self.high / self.low)
+        else:
+            share = (inside - self.low) / (self.high - self.low)
         return self.begin + share * (self.end - self.begin)
 
     def ticks(self) -> Iterator[float]:
-        """1, 2, 5 times powers of ten; powers alone on long axes."""
+        """1, 2, 5 times powers of ten; powers alone on long axes. On a linear axis 4 to 10 steps
+        of such a size."""
+        if not self.logarithmic:
+            span = self.high - self.low
+            power = 10.0 ** math.floor(math.log10(span / 4))
+            step = next(s * power for s in (5, 2, 1) if s * power <= span / 4)
+            for number in range(math.ceil(self.low / step), math.floor(self.high / step) + 1):
+                yield number * step
+            return
         steps = (1, 2, 5) if self.high / self.low < 1000 else (1,)
-        for power in range(math.floor(math.log10(self.low)), math.ceil(math.log10(self.high)) + 1):
-            for step in steps:
-                value = step * 10.0**power
+        for exponent in range(
+            math.floor(math.log10(self.low)), math.ceil(math.log10(self.high)) + 1
+        ):
+            for one in steps:
+                value = one * 10.0**exponent
                 if self.low <= value <= self.high:
                     yield value
 
 
-def plot(comparison: Comparison) -> str:
-    """The plot's <svg> element: every model, and what path tracing reaches in that time."""
-    full = comparison.full
-    per_seed = full.seconds / full.seeds
-    seed_noise = full.noise * math.sqrt(full.seeds)
-    models = comparison.measured
-    times = [found.seconds.total for _, found in models] + [per_seed, full.seconds]
-    lows = [found.errors["total"].relative_rmse for _, found in models] + [full.noise]
-    highs = [lows[i] + found.errors["total"].noise for i, (_, found) in enumerate(models)]
-    x = Axis(min(times) / ROOM, max(times) * ROOM, LEFT, WIDTH - RIGHT)
-    y = Axis(
-        min(lows) / ROOM, max([*highs, seed_noise]) * ROOM, HEIGHT - BOTTOM, TOP
-    )  # fmt: skip
-    parts = [*_grid(x, y), *_tracing(x, y, per_seed, seed_noise, full.seconds, full.noise)]
-    heights = _apart([y.place(found.errors["total"].relative_rmse) - 8 for _, found in models])
-    for index, (model, found) in enumerate(models):
-        taken, error = found.seconds.total, found.errors["total"]
-        parts += _point(x, y, index, model.label, taken, error, heights[index])
-    summary = "; ".join(
-        f"{model.label}: {percent(found.errors['total'])} % in {seconds(found.seconds.total)}"
-        for model, found in models
-    )
+def svg(width: float, height: float, words: str, parts: Sequence[str]) -> str:
+    """The <svg> element; `words` say to those who do not see it what it shows."""
     return (
-        f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" class="plot" '
-        f'aria-label="Total error against time. {escape(summary)}">' + "".join(parts) + "</svg>"
+        f'<svg viewBox="0 0 {width:g} {height:g}" role="img" class="plot" '
+        f'aria-label="{escape(words)}">' + "".join(parts) + "</svg>"
     )
 
 
-def _grid(x: Axis, y: Axis) -> Iterator[str]:
+def grid(x: Axis, y: Axis, across: str, up: str, percent: bool = True) -> Iterator[str]:
+    """Lines and numbers of both axes, and what they are; `percent` of y."""
+    low, high = max(y.begin, y.end), min(y.begin, y.end)
     for value in x.ticks():
         at = x.place(value)
-        yield f'<line class="grid" x1="{at:.1f}" x2="{at:.1f}" y1="{TOP}" y2="{HEIGHT - BOTTOM}"/>'
-        yield _text(at, HEIGHT - BOTTOM + 18, f"{value:g}", "middle")
+        yield path("grid", f"M{at:.1f} {high:.1f}V{low:.1f}")
+        yield text(at, low + 18, f"{value:g}", "middle")
     for value in y.ticks():
         at = y.place(value)
-        yield f'<line class="grid" x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{at:.1f}" y2="{at:.1f}"/>'
-        yield _text(LEFT - 8, at + 4, f"{100 * value:g}", "end")
-    middle = (LEFT + WIDTH - RIGHT) / 2
-    yield _text(middle, HEIGHT - 8, "seconds: bake, write and display", "middle")
-    high = (TOP + HEIGHT - BOTTOM) / 2
+        yield path("grid", f"M{x.begin:.1f} {at:.1f}H{x.end:.1f}")
+        yield text(x.begin - 8, at + 4, f"{100 * value if percent else value:.4g}", "end")
+    yield text((x.begin + x.end) / 2, low + 40, across, "middle")
     yield (
-        f'<text text-anchor="middle" transform="translate(16 {high}) rotate(-90)">'
-        "relative RMS error, %</text>"
+        f'<text text-anchor="middle" transform="translate(16 {(low + high) / 2:g}) rotate(-90)">'
+        f"{escape(up)}</text>"
     )
 
 
-def _tracing(
-    x: Axis, y: Axis, first: float, first_noise: float, last: float, last_noise: float
-) -> Iterator[str]:
-    ends = [(x.place(first), y.place(first_noise)), (x.place(last), y.place(last_noise))]
-    yield (
-        f'<line class="tracing" x1="{ends[0][0]:.1f}" y1="{ends[0][1]:.1f}" '
-        f'x2="{ends[1][0]:.1f}" y2="{ends[1][1]:.1f}"/>'
-    )
-    for at, high in ends:
-        yield f'<circle class="tracing-end" cx="{at:.1f}" cy="{high:.1f}" r="3"/>'
-    yield _text(ends[1][0] - 8, ends[1][1] + 16, "full scattering: its noise", "end", "quiet")
+def path(kind: str, steps: str) -> str:
+    """A line of the classes `kind`."""
+    return f'<path class="{kind}" d="{steps}"/>'
 
 
-def _apart(heights: list[float]) -> list[float]:
-    """Labels' heights moved downward until no two are closer than a line."""
-    moved = list(heights)
-    order = sorted(range(len(heights)), key=heights.__getitem__)
-    for above, below in pairwise(order):
-        moved[below] = max(moved[below], moved[above] + LINE)
-    return moved
+def polyline(kind: str, points: Sequence[tuple[float, float]]) -> str:
+    """A line through points."""
+    return path(kind, "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in points))
 
 
-def _point(
-    x: Axis, y: Axis, index: int, label: str, time: float, error: Figure, height: float
-) -> Iterator[str]:
-    at, high = x.place(time), y.place(error.relative_rmse)
-    top = y.place(error.relative_rmse + error.noise)
-    low = y.low if error.is_bound else error.relative_rmse - error.noise
-    bottom = y.place(max(low, y.low))
-    colour = f"series-{index % 7}"
-    title = f"{escape(label)}: {percent(error)} % in {seconds(time)}"
-    yield f'<g class="{colour}"><title>{title}</title>'
-    if error.is_bound:
-        yield f'<path class="bar" d="M{at:.1f} {high:.1f}V{bottom:.1f}m-4 -6l4 6l4 -6"/>'
-    else:
-        yield (
-            f'<path class="bar" d="M{at:.1f} {top:.1f}V{bottom:.1f}'
-            f'M{at - 4:.1f} {top:.1f}h8M{at - 4:.1f} {bottom:.1f}h8"/>'
-        )
-    yield f'<circle cx="{at:.1f}" cy="{high:.1f}" r="5"/>'
-    side = "end" if at > WIDTH * 0.65 else "start"
-    yield _text(at + (-10 if side == "end" else 10), height, label, side, "label") + "</g>"
-
-
-def _text(x: float, y: float, words: str, anchor: str, kind: str = "") -> str:
+def text(x: float, y: float, words: str, anchor: str = "start", kind: str = "") -> str:
+    """Words beside a point."""
     place = f'x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"'
     return f'<text {place} class="{kind}">{escape(words)}</text>'
+
+
+def mark(shape: str, x: float, y: float, kind: str, size: float = 5) -> str:
+    """A circle, square or diamond, of the classes `kind`."""
+    if shape == "circle":
+        return f'<circle class="{kind}" cx="{x:.1f}" cy="{y:.1f}" r="{size:g}"/>'
+    r = size * (0.9 if shape == "square" else 1.25)
+    steps = (
+        f"M{x - r:.1f} {y - r:.1f}h{2 * r:.1f}v{2 * r:.1f}h{-2 * r:.1f}z"
+        if shape == "square"
+        else f"M{x:.1f} {y - r:.1f}l{r:.1f} {r:.1f}l{-r:.1f} {r:.1f}l{-r:.1f} {-r:.1f}z"
+    )
+    return path(kind, steps)
+
+
+def noise_bar(axis: Axis, across: float, error: Figure, upright: bool = True) -> str:
+    """A figure's standard error as a bar along `axis`, or the arrow of a bound downward."""
+    at = axis.place(error.relative_rmse)
+    low = axis.low if error.is_bound else max(error.relative_rmse - error.noise, axis.low)
+    ends = [axis.place(low)] + ([] if error.is_bound else
+                                [axis.place(error.relative_rmse + error.noise)])  # fmt: skip
+    if error.is_bound:
+        end = ends[0]
+        steps = (
+            f"M{across:.1f} {at:.1f}V{end:.1f}m-4 -6l4 6l4 -6"
+            if upright
+            else f"M{at:.1f} {across:.1f}H{end:.1f}m6 -4l-6 4l6 4"
+        )
+    elif upright:
+        steps = f"M{across:.1f} {ends[0]:.1f}V{ends[1]:.1f}" + "".join(
+            f"M{across - 4:.1f} {end:.1f}h8" for end in ends
+        )
+    else:
+        steps = f"M{ends[0]:.1f} {across:.1f}H{ends[1]:.1f}" + "".join(
+            f"M{end:.1f} {across - 4:.1f}v8" for end in ends
+        )
+    return path("bar", steps)
+
+
+def apart(heights: Sequence[float], low: float, high: float) -> list[float]:
+    """Labels' heights moved as little as it takes for no two to be closer than a line, between
+    `low` and `high` as far as they fit."""
+    order = sorted(range(len(heights)), key=heights.__getitem__)
+    groups: list[tuple[list[float], float]] = []  # wishes, and where the first of them stands
+    for index in order:
+        wishes, start = [heights[index]], heights[index]
+        while groups and start < groups[-1][1] + LINE * len(groups[-1][0]):
+            wishes = groups.pop()[0] + wishes
+            start = sum(wish - LINE * place for place, wish in enumerate(wishes)) / len(wishes)
+        groups.append((wishes, start))
+    placed = [start + LINE * place for wishes, start in groups for place in range(len(wishes))]
+    for place, at in enumerate(placed):
+        placed[place] = max(at, low + LINE * place)
+    for place in reversed(range(len(placed))):
+        placed[place] = min(placed[place], high - LINE * (len(placed) - 1 - place))
+    result = [0.0] * len(heights)
+    for index, at in zip(order, placed, strict=True):
+        result[index] = at
+    return result
+
+
+def standalone(element: str) -> str:
+    """The element as an SVG file of its own, in the light palette, on white."""
+    palette = PALETTE.read_text(encoding="utf-8").partition(":root {")[2].partition("}")[0]
+    colours = dict(re.findall(r"--([\w-]+): ([^;]+);", palette)) | {"paper": "#ffffff"}
+    style = re.sub(
+        r"var\(--([\w-]+)\)",
+        lambda found: colours[found[1]],
+        STYLE.read_text(encoding="utf-8").replace("width: 100%; height: auto; ", ""),
+    )
+    width, height = re.findall(r'viewBox="0 0 (\S+) (\S+)"', element)[0]
+    opening = f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
+    head, _, body = element.partition(">")
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?>\n'
+        f"{head.replace('<svg ', opening)}><style>{style}</style>"
+        f'<rect width="{width}" height="{height}" fill="#ffffff"/>{body}\n'
+    )

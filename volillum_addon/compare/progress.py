@@ -64,6 +64,11 @@ class Agenda:
         """A part that will not be done."""
         self._done += self._left.pop(name)
 
+    def drop_all(self, index: int) -> None:
+        """All parts `<what> <index> ...` that have not begun."""
+        for name in [name for name in self._left if name.split()[1:2] == [str(index)]]:
+            self.drop(name)
+
     def remaining(self) -> float:
         """Seconds of the parts that have not begun."""
         pace = self._pace()

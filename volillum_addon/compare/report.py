@@ -12,12 +12,14 @@ import numpy as np
 
 from ..bake.store import replacing
 from ..core.scene import Scene
+from .figures import FRAMES, BreakEven, Reach, summary
+from .flip import Flip
 from .metrics import Figure
 from .reference import Reference
-from .results import Comparison, Measured, ModelResult, Timing
+from .results import Baseline, Comparison, Measured, ModelResult, Timing
 
 # Raised when a field is added; fields are never renamed.
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 SCHEMA = Path(__file__).with_name("report.schema.json")
 ERRORS = ("numerical_field", "numerical", "model", "total", "display")
 SECONDS = ("whole", "bake", "hand_over", "display")
@@ -25,7 +27,7 @@ SECONDS = ("whole", "bake", "hand_over", "display")
 
 def as_json(comparison: Comparison) -> dict[str, Any]:
     """The comparison as JSON values, valid by the schema."""
-    truncation = comparison.truncation
+    truncation, found = comparison.truncation, summary(comparison)
     return {
         "schema": SCHEMA_VERSION,
         "scene": _scene(comparison),
@@ -43,7 +45,19 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
             },
         },
         "models": [_model(model) for model in comparison.models],
-        "baselines": [],
+        "baselines": [_baseline(baseline) for baseline in comparison.baselines],
+        "time_to_error": [
+            {
+                "series": one.id,
+                "label": one.label,
+                "targets": [_reach(reach) for reach in reaches],
+            }
+            for one, reaches in zip(found.series, found.reaches, strict=True)
+        ],
+        "break_even": [
+            {"series": one.id, "label": one.label} | _break_even(move)
+            for one, move in zip(found.models, found.break_even, strict=True)
+        ],
     }
 
 
@@ -108,12 +122,20 @@ def _model(model: ModelResult) -> dict[str, Any]:
         "left_out": list(model.left_out),
         "reason": model.reason,
         "image": model.file if found else None,
-    } | (_measured(found) if found else dict.fromkeys(_MEASURED) | {"errors": _errors({})})
+        "ladder": [
+            {
+                "settings": {name: _value(value) for name, value in rung.settings.items()},
+                "reason": rung.reason,
+            }
+            | (_measured(rung.measured) if rung.measured else _nothing())
+            for rung in model.ladder
+        ],
+    } | (_measured(found) if found else _nothing())
 
 
-_MEASURED = (
-    "seconds", "peak_bytes", "exposure", "errors_after_exposure", "witness",
-)  # fmt: skip
+def _nothing() -> dict[str, Any]:
+    fields = ("seconds", "peak_bytes", "exposure", "errors_after_exposure", "flip", "witness")
+    return dict.fromkeys(fields) | {"errors": _errors({})}
 
 
 def _measured(found: Measured) -> dict[str, Any]:
@@ -125,6 +147,7 @@ def _measured(found: Measured) -> dict[str, Any]:
         "errors": _errors(found.errors),
         "exposure": {"factor": found.exposure.factor, "noise": found.exposure.noise},
         "errors_after_exposure": {"total": _figure(found.total_after_exposure)},
+        "flip": None if found.flip is None else _flip(found.flip),
         "witness": None
         if witness is None
         else {
@@ -135,6 +158,54 @@ def _measured(found: Measured) -> dict[str, Any]:
             "agrees": witness.agrees,
         },
     }
+
+
+def _baseline(baseline: Baseline) -> dict[str, Any]:
+    way, found = baseline.way, baseline.measured
+    return {
+        "id": way.id,
+        "label": way.label,
+        "samples": baseline.samples,
+        "biased": way.biased,
+        "denoised": way.denoised,
+        "reason": baseline.reason,
+        "seconds": found.seconds.median if found else None,
+        "count": len(found.seconds.seconds) if found else None,
+        "errors": {"total": _figure(found.total) if found else None},
+        "exposure": {"factor": found.exposure.factor, "noise": found.exposure.noise}
+        if found
+        else None,
+        "errors_after_exposure": {"total": _figure(found.total_after_exposure)} if found else None,
+        "flip": _flip(found.flip) if found else None,
+    }
+
+
+def _reach(found: Reach) -> dict[str, Any]:
+    return {
+        "relative_rmse": found.target,
+        "seconds": found.seconds,
+        "how": found.how,
+        "best": _figure(found.best),
+    }
+
+
+def _break_even(found: BreakEven) -> dict[str, Any]:
+    return {
+        "seconds_once": found.once,
+        "seconds_each_frame": found.each,
+        "frames": [
+            {"frames": count, "seconds": seconds}
+            for count, seconds in zip(FRAMES, found.seconds, strict=True)
+        ],
+        "path_tracing": None
+        if found.traced is None
+        else {"label": found.traced_by, "seconds": found.traced.seconds, "how": found.traced.how},
+        "break_even_frames": found.frames,
+    }
+
+
+def _flip(flip: Flip) -> dict[str, Any]:
+    return {"mean": flip.value, "noise": flip.noise, "is_bound": flip.is_bound}
 
 
 def _errors(errors: Mapping[str, Figure]) -> dict[str, Any]:

@@ -6,13 +6,18 @@ import statistics
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..core.scene import Scene
 from ..models.model import Value
 from ..models.published import EQUATION
 from .bounces import Truncation
 from .errors import ErrorImages
+from .flip import Flip
 from .metrics import Agreement, Exposure, Figure, Mask
 from .reference import Reference
+from .renderer import Way
 
 
 @dataclass(frozen=True)
@@ -45,7 +50,8 @@ class Seconds:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """Times and errors of a model that serves the scene."""
+    """Times and errors of a model that serves the scene. A rung of a ladder has no `witness`, no
+    `flip` and no error of its field."""
 
     seconds: Seconds
     peak_bytes: int
@@ -53,7 +59,39 @@ class Measured:
     errors: Mapping[str, Figure]
     exposure: Exposure
     total_after_exposure: Figure
-    witness: Agreement | None
+    flip: Flip | None = None
+    witness: Agreement | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Rung:
+    """A model under other settings than the compared ones: `measured`, or the `reason` why not."""
+
+    settings: Mapping[str, Value]
+    measured: Measured | None = None
+    reason: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class BaselineMeasured:
+    """Times and errors of path tracing with few samples; `picture` is one of those drawn."""
+
+    seconds: Timing
+    picture: NDArray[np.float32]
+    total: Figure
+    exposure: Exposure
+    total_after_exposure: Figure
+    flip: Flip
+
+
+@dataclass(frozen=True, eq=False)
+class Baseline:
+    """What the user would otherwise render: `measured`, or the `reason` why not."""
+
+    way: Way
+    samples: int
+    measured: BaselineMeasured | None = None
+    reason: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +106,7 @@ class ModelResult:
     left_out: tuple[str, ...] = ()
     measured: Measured | None = None
     reason: str | None = None
+    ladder: tuple[Rung, ...] = ()
 
     @property
     def file(self) -> str:
@@ -86,6 +125,7 @@ class Comparison:
     full: Reference
     truncation: Truncation
     models: tuple[ModelResult, ...]
+    baselines: tuple[Baseline, ...]
     machine: Mapping[str, object]
     versions: Mapping[str, str]
 

@@ -17,21 +17,24 @@ from ..models.illuminate import left_out
 from ..models.model import Model, Value
 from ..models.published import ALGORITHM, EQUATION, PUBLISHED
 from ..models.registry import get
-from . import images, measure, page, report
+from . import assess, images, measure, page, paper, report
+from .assess import Against
+from .baselines import DRAWS, rungs
 from .bounces import Truncation, bounce_limit, truncation
 from .cache import key_of, load, store
-from .errors import ErrorImages
+from .flip import Eye
 from .machine import machine, versions
 from .measure import Bake, Bench, Options
-from .metrics import Image, Mask, silhouette
+from .metrics import Mask, silhouette
 from .progress import Agenda
 from .reference import Reference, render
 from .renderer import Renderer
-from .results import Comparison, Measured, ModelResult
+from .results import Comparison, Measured, ModelResult, Rung
 
 # Expected seconds of the parts, before any of them is known: a guess that only weighs them.
 BAKE, DISPLAY, INTEGRAL, FIELD, CHECK = 3.0, 3.0, 1.0, 5.0, 25.0
 EXACT_PER_DIRECTION = 4e-7  # and per pixel, point and replicate
+BASELINE, PER_SAMPLE = 1.0, 5e-6  # a picture, and per pixel and sample
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,7 @@ def compare(
     control: Control | None = None,
 ) -> Comparison:
     """Measure the models in the renderer's scene and write the report's files into `directory`:
-    report.json, report.html, contact_sheet.png and one OpenEXR a model.
+    report.json, report.html, paper.csv, plots, contact_sheet.png and one OpenEXR a model.
 
     A model that cannot serve the scene is reported with its reason. Raises InputError for bad
     input or when no model can serve it, StorageError, and Cancelled; finished parts stay.
@@ -74,7 +77,7 @@ def compare(
     values = [model.values(entry.parameters) for model, entry in chosen]
     bench = Bench(renderer, options, Path(directory), key_of(renderer.identity()))
     budgets = ["single", "full", *(f"witness {index}" for index in range(len(chosen)))]
-    agenda = Agenda(control, _expected(bench, len(chosen)), budgets)
+    agenda = Agenda(control, _expected(bench, chosen, values), budgets)
     bakes, reasons = _bakes(bench, chosen, values, agenda)
     if not bakes:
         raise InputError("; ".join(reasons.values()) or "no model was asked for; expected one")
@@ -84,14 +87,19 @@ def compare(
             integrals[index] = measure.integral(bench, baked, control)
     mask = silhouette(next(iter(integrals.values()))[1])
     single, full, late = _references(bench, mask, agenda)
+    against = Against(full, mask, Eye(full.image, mask))
+    traced = assess.path_tracing(bench, against, agenda)
     results = []
     for index, (model, entry) in enumerate(chosen):
-        measured = None
+        measured: Measured | None = None
+        ladder: tuple[Rung, ...] = ()
         if index in bakes:
-            measured = _measured(
-                bench, index, model, values[index], bakes[index], integrals[index][0], full, mask,
+            measured = assess.model(
+                bench, index, model, values[index], bakes[index], integrals[index][0], against,
                 agenda,
             )  # fmt: skip
+            if _climbs(options, entry):
+                ladder = assess.ladder(bench, index, model, values[index], against, agenda)
         results.append(
             ModelResult(
                 model.id,
@@ -102,6 +110,7 @@ def compare(
                 left_out(renderer.scene, model.id),
                 measured,
                 reasons.get(index),
+                ladder,
             )
         )
     comparison = Comparison(
@@ -112,6 +121,7 @@ def compare(
         full,
         late,
         tuple(results),
+        traced,
         machine(),
         versions() | renderer.versions(),
     )
@@ -122,6 +132,7 @@ def compare(
 
 def write(comparison: Comparison, directory: Path) -> None:
     """Write the report's files, each whole or not at all; the page and report.json come last."""
+    paper.write(comparison, directory)
     for model, found in comparison.measured:
         images.write_exr(found.images, directory / model.file)
     images.write_contact_sheet(comparison, directory / "contact_sheet.png")
@@ -129,13 +140,24 @@ def write(comparison: Comparison, directory: Path) -> None:
     report.write(comparison, directory / "report.json")
 
 
-def _expected(bench: Bench, models: int) -> dict[str, float]:
+def _climbs(options: Options, entry: Candidate) -> bool:
+    return options.ladder and entry.variant == EQUATION
+
+
+def _expected(
+    bench: Bench, chosen: list[tuple[Model, Candidate]], values: list[dict[str, Value]]
+) -> dict[str, float]:
     options, renderer = bench.options, bench.renderer
     pixels = renderer.width * renderer.height
     # Eight replicates of the exact image.
     judged = 8 * pixels * options.points * options.directions * EXACT_PER_DIRECTION
     expected = {"single": options.seconds / 4, "full": options.seconds, "check": CHECK}
-    for index in range(models):
+    for way, counts in rungs(options.baselines):
+        expected |= {
+            f"{way.id}:{samples}": DRAWS * (BASELINE + samples * pixels * PER_SAMPLE)
+            for samples in counts
+        }
+    for index, (model, entry) in enumerate(chosen):
         expected |= {
             f"bake {index}": BAKE * options.repeats,
             f"integral {index}": INTEGRAL,
@@ -144,6 +166,10 @@ def _expected(bench: Bench, models: int) -> dict[str, float]:
             f"field {index}": FIELD,
             f"witness {index}": options.seconds / 4,
         }
+        if _climbs(options, entry):
+            count = len(assess.settings(model, values[index]))
+            rung = BAKE * options.repeats + DISPLAY + INTEGRAL
+            expected |= {f"ladder {index} {number}": rung for number in range(count)}
     return expected | {"report": 3.0}
 
 
@@ -164,8 +190,7 @@ def _bakes(
             except InputError as error:
                 reasons[index] = str(error)
         if index in reasons:
-            for part in ("integral", "display", "exact", "field", "witness"):
-                agenda.drop(f"{part} {index}")
+            agenda.drop_all(index)
     return bakes, reasons
 
 
@@ -188,36 +213,3 @@ def _references(
         else:
             late = Truncation(bounces // 2, float(held["gain"]), float(held["noise"]))
     return single, full, late
-
-
-def _measured(
-    bench: Bench,
-    index: int,
-    model: Model,
-    values: dict[str, Value],
-    baked: Bake,
-    integrated: Image,
-    full: Reference,
-    mask: Mask,
-    agenda: Agenda,
-) -> Measured:
-    control = agenda.control
-    with agenda.part(f"display {index}", f"{model.label}: displaying"):
-        displayed, seconds = measure.display(bench, baked)
-    with agenda.part(f"exact {index}", f"{model.label}: exact image"):
-        exact = measure.exact(bench, model, values, control)
-    with agenda.part(f"field {index}", f"{model.label}: exact field"):
-        field_figure = measure.field(bench, baked, control)
-    with agenda.part(f"witness {index}", f"{model.label}: Cycles as a witness") as told:
-        witness = measure.witness(bench, model, values, mask, control, told)
-    pictures = ErrorImages(displayed, integrated, exact, full.image)
-    exposure, exposed = pictures.exposed(mask)
-    return Measured(
-        baked.seconds(seconds),
-        baked.peak_bytes,
-        pictures,
-        pictures.figures(mask) | {"numerical_field": field_figure},
-        exposure,
-        exposed,
-        witness,
-    )
