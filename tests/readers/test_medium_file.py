@@ -134,6 +134,12 @@ def test_a_relative_preset_ends_at_the_bright_voxels() -> None:
     found = transfer_presets.load("mri", about((1001, 1000, 0, 1), 0.0, 4000.0))
     assert np.asarray(found.values)[0] == 0
     assert np.asarray(found.values)[-1] == 2000
+    # Air that is not 0 but what there is most of: its value is where the function begins.
+    air = transfer_presets.load("solid", about((5, 1000, 30, 200, 200, 100, 20, 0), 0.0, 800.0))
+    assert np.asarray(air.values)[0] == 100
+    # What there is most of may also be the matter.
+    matter = transfer_presets.load("solid", about((5, 10, 10, 5, 9000, 100, 20, 0), 0.0, 800.0))
+    assert np.asarray(matter.values)[0] == 0
     # In a volume of one value there is no scale; it must still be a function.
     flat = transfer_presets.load("mri", about((8, 0, 0, 0), 5.0, 5.0))
     assert np.all(np.diff(np.asarray(flat.values)) > 0)
@@ -152,6 +158,22 @@ def test_hounsfield_presets_keep_air_clear(kind: str) -> None:
     # Air, and the scanner's mark for what it has not seen; then compact bone.
     assert not found.densities(np.float32([-3024, -1024, -1000, -950])).any()
     assert found.densities(np.float32([1200]))[0] > 0
+
+
+@pytest.mark.parametrize(
+    ("kind", "unit", "stored", "name"),
+    [
+        ("ct", "HU", "int16", "ct_bone"),
+        ("ct", "", "int16", "solid"),
+        ("mr", "", "uint8", "mri"),
+        ("microscopy", "", "uint16", "microscopy"),
+        ("", "", "float32", "smoke"),
+        ("", "", "uint8", "solid"),
+    ],
+)
+def test_what_a_kind_of_data_is_seen_through(kind: str, unit: str, stored: str, name: str) -> None:
+    known = replace(about((1,), 0, 1), kind=kind, unit=unit, stored=stored)
+    assert transfer_presets.default_name(known) == name
 
 
 def test_a_damaged_preset_is_named(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.transfer_function import TransferFunction
 from ..readers.imported import About, read_about
-from ..readers.transfer_presets import BRIGHTEST, fitted
+from ..readers.transfer_presets import fitted, span
 from .medium_reader import volume_material
 
 # The node that holds the ramp; nothing is linked to it.
@@ -173,9 +173,9 @@ def as_preset(material: bpy.types.Material) -> dict[str, Any]:
     known = about(material)
     entry["unit"], entry["kind"] = known.unit, known.kind
     if not known.unit:
-        scale = known.quantile(BRIGHTEST) - known.low or 1.0
+        low, scale = span(known)
         entry["relative"] = True
-        entry["points"] = [[(value - known.low) / scale, *rest] for value, *rest in entry["points"]]
+        entry["points"] = [[(value - low) / scale, *rest] for value, *rest in entry["points"]]
     return entry
 
 

@@ -52,6 +52,17 @@ class About:
     notes: tuple[str, ...] = ()
     histogram: tuple[int, ...] = ()
 
+    @property
+    def background(self) -> float:
+        """The value of what there is most of, where that is in the lower half: a scanner's air, a
+        microscope's dark; else the least value."""
+        if not self.histogram:
+            return self.low
+        most = int(np.argmax(self.histogram))
+        if 2 * most >= len(self.histogram):
+            return self.low
+        return self.low + (self.high - self.low) * most / len(self.histogram)
+
     def quantile(self, share: float) -> float:
         """The value below which this share of the voxels above `low`'s own interval lies."""
         counts = np.array(self.histogram[1:], np.float64)

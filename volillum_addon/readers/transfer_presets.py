@@ -2,8 +2,8 @@
 
 `points` are [value, density, red, green, blue]; `per_voxel` is the optical depth of a voxel of
 density 1 (with `physical`: its extinction per unit of length). `kind` says what data it is for. A
-`relative` one has values from 0, the data's least, to 1, where all but its brightest voxels end:
-for kinds whose numbers have no scale.
+`relative` one has values from 0, the data's background, to 1, where all but its brightest voxels
+end: for kinds whose numbers have no scale.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ FOLDER = PRESETS / "transfer_functions"
 BRIGHTEST = 0.998
 # What is taken for a volume that nobody has chosen for, by its kind.
 DEFAULTS = {"ct": "ct_bone", "mr": "mri", "microscopy": "microscopy", "cloud": "cloud"}
-OTHERWISE = "smoke"
+# Of other kinds: what is stored as floats is mostly a density, as integers mostly a scan.
+FLOATS, INTEGERS = "smoke", "solid"
 
 
 def names() -> tuple[str, ...]:
@@ -59,13 +60,18 @@ def fitted(entry: Mapping[str, Any], about: About) -> TransferFunction:
     found = TransferFunction.from_json(entry)
     if not entry.get("relative", False):
         return found
-    high = about.quantile(BRIGHTEST)
-    scale = high - about.low if high > about.low else 1.0
-    return replace(found, values=about.low + scale * np.asarray(found.values))
+    low, scale = span(about)
+    return replace(found, values=low + scale * np.asarray(found.values))
+
+
+def span(about: About) -> tuple[float, float]:
+    """Where the values of a relative preset begin in a volume, and how far they go."""
+    low, high = about.background, about.quantile(BRIGHTEST)
+    return low, high - low if high > low else 1.0
 
 
 def default_name(about: About) -> str:
     """The preset for a volume that nobody has chosen for."""
-    if about.kind == "ct" and about.unit != "HU":
-        return OTHERWISE
-    return DEFAULTS.get(about.kind, OTHERWISE)
+    if about.kind in DEFAULTS and (about.kind != "ct" or about.unit == "HU"):
+        return DEFAULTS[about.kind]
+    return FLOATS if np.dtype(about.stored).kind == "f" else INTEGERS
