@@ -3,9 +3,12 @@ settings, and path tracing with few samples."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from ..core.coarse import coarsened
+from ..core.scene import Scene
 from ..models.model import Model, Value
 from . import baselines, measure
 from .errors import ErrorImages
@@ -17,6 +20,10 @@ from .progress import Agenda
 from .reference import Reference
 from .renderer import Way, counted
 from .results import Baseline, BaselineMeasured, Measured, Rung
+
+# The coarser grid of a ladder: half the resolution, an eighth of the voxels; and the fewest voxels
+# along an axis that it is worth trying with.
+COARSE, FEWEST_VOXELS = 0.5, 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,10 +69,21 @@ def model(
     )
 
 
-def settings(model: Model, given: Mapping[str, Value]) -> tuple[dict[str, Value], ...]:
-    """The model's ladder over `given`, without the rung that is what is compared."""
+@dataclass(frozen=True)
+class Setting:
+    """A model's parameters, and the share of the scene's resolution along every axis."""
+
+    values: Mapping[str, Value]
+    resolution: float = 1.0
+
+
+def settings(model: Model, given: Mapping[str, Value], scene: Scene) -> tuple[Setting, ...]:
+    """What is compared on a coarser grid where the scene has voxels for it, then the model's ladder
+    over `given`, without the rung that is what is compared."""
     ladder = (model.values({**given, **rung}) for rung in model.ladder)
-    return tuple(values for values in ladder if values != given)
+    rungs = tuple(Setting(values) for values in ladder if values != given)
+    fine = min(scene.trimmed(0).medium.sigma_t.shape) >= FEWEST_VOXELS
+    return (Setting(given, COARSE), *rungs) if fine else rungs
 
 
 def ladder(
@@ -77,17 +95,18 @@ def ladder(
     agenda: Agenda,
 ) -> tuple[Rung, ...]:
     """The model under the other settings of its ladder, as far as the budget reaches."""
-    asked = list(enumerate(settings(model, given)))
-    changed = [
-        {name: value for name, value in values.items() if value != given[name]}
-        for _, values in asked
+    asked = list(enumerate(settings(model, given, bench.renderer.scene)))
+    changed: list[dict[str, Value]] = [
+        {name: value for name, value in setting.values.items() if value != given[name]}
+        | ({"resolution": setting.resolution} if setting.resolution != 1 else {})
+        for _, setting in asked
     ]
 
-    def take(entry: tuple[int, dict[str, Value]]) -> Measured:
-        rung, values = entry
+    def take(entry: tuple[int, Setting]) -> Measured:
+        rung, setting = entry
         words = ", ".join(f"{name} {value}" for name, value in changed[rung].items())
         with agenda.part(f"ladder {index} {rung}", f"{model.label}: {words}"):
-            return _rung(bench, model, values, against, agenda)
+            return _rung(bench, model, setting, against, agenda)
 
     found = climb(asked, take, lambda done: done.seconds.whole.median, 1, bench.options.rung_budget)
     for rung, entry in enumerate(found):
@@ -100,13 +119,17 @@ def ladder(
 
 
 def _rung(
-    bench: Bench, model: Model, values: Mapping[str, Value], against: Against, agenda: Agenda
+    bench: Bench, model: Model, setting: Setting, against: Against, agenda: Agenda
 ) -> Measured:
-    control = agenda.control
-    baked = measure.bake(bench, model, values, control)
+    control, scene = agenda.control, bench.renderer.scene
+    coarse = None
+    if setting.resolution < 1:
+        voxels = math.prod(scene.trimmed(0).medium.sigma_t.shape)
+        coarse = coarsened(scene, round(voxels * setting.resolution**3))
+    baked = measure.bake(bench, model, setting.values, control, coarse)
     displayed, seconds = measure.display(bench, baked)
     integrated, _ = measure.integral(bench, baked, control)
-    exact = measure.exact(bench, model, values, control)
+    exact = measure.exact(bench, model, setting.values, control)
     images = ErrorImages(displayed, integrated, exact, against.full.image)
     exposure, exposed = images.exposed(against.mask)
     figures = images.figures(against.mask)

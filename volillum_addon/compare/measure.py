@@ -14,6 +14,7 @@ from ..bake.cold import cold_bake
 from ..bake.hashing import KERNEL_REVISION
 from ..bake.run import Plan, baked_volume, plan_bake
 from ..core.control import Control
+from ..core.scene import Scene
 from ..models.equation import cost
 from ..models.exact import SEEDS, exact_image
 from ..models.image import line_integral
@@ -114,17 +115,18 @@ class Bake:
         return Seconds(self.whole, self.bake, self.hand_over, display)
 
 
-def bake(bench: Bench, model: Model, values: Values, control: Control) -> Bake:
-    """The model's baked file with the times of cold bakes on this machine."""
-    options = bench.options
-    plan = plan_bake(
-        bench.renderer.scene, model.id, bench.directory / "bakes", options.name, values
-    )
+def bake(
+    bench: Bench, model: Model, values: Values, control: Control, scene: Scene | None = None
+) -> Bake:
+    """The model's baked file with the times of cold bakes on this machine; `scene` is the
+    renderer's, on another grid (None: on its own)."""
+    options, scene = bench.options, scene or bench.renderer.scene
+    plan = plan_bake(scene, model.id, bench.directory / "bakes", options.name, values)
     path = bench.part("times", bake=plan.hash, machine=machine(), repeats=options.repeats)
     held = load(path)
     if held is None or plan.found() is None:
         timings = cold_bake(
-            bench.renderer.scene,
+            scene,
             model.id,
             bench.directory / "bakes",
             options.name,

@@ -167,7 +167,7 @@ def _expected(
             f"witness {index}": options.seconds / 4,
         }
         if _climbs(options, entry):
-            count = len(assess.settings(model, values[index]))
+            count = len(assess.settings(model, values[index], renderer.scene))
             rung = BAKE * options.repeats + DISPLAY + INTEGRAL
             expected |= {f"ladder {index} {number}": rung for number in range(count)}
     return expected | {"report": 3.0}
