@@ -70,6 +70,14 @@ def test_few_whole_numbers_have_an_interval_each(tmp_path: Path) -> None:
     assert len(read_volume(tmp_path / "a.npy")[1].histogram) == BINS
 
 
+def test_a_range_of_a_few_steps_of_float32_is_counted(tmp_path: Path) -> None:
+    values = np.full((3, 4, 5), 3e8, np.float32)
+    values[1, 2, 3] = np.nextafter(values[0, 0, 0], np.float32(np.inf))
+    np.save(tmp_path / "a.npy", values)
+    counts = read_volume(tmp_path / "a.npy")[1].histogram
+    assert (counts[0], counts[-1], sum(counts)) == (59, 1, 60)
+
+
 def test_a_border_of_zeros_is_kept(tmp_path: Path) -> None:
     values = np.zeros(SHAPE, np.int16)
     values[4, 3, 5] = 9

@@ -140,9 +140,19 @@ def read_volume(
         space=source.space,
         level=level,
         notes=notes,
-        histogram=tuple(np.histogram(grid.values, _bins(grid, source), (low, high))[0].tolist()),
+        histogram=_histogram(grid.values, low, high, _bins(grid, source)),
     )
     return grid, about
+
+
+def _histogram(values: NDArray[np.float32], low: float, high: float, bins: int) -> tuple[int, ...]:
+    """Voxels in equal intervals, layer by layer: in shares of the range, because float32 cannot
+    divide a range of a few of its own steps."""
+    counts = np.zeros(bins, np.int64)
+    for layer in values:
+        shares = (layer.astype(np.float64) - low) / ((high - low) or 1.0)
+        counts += np.histogram(shares, bins, (0.0, 1.0))[0]
+    return tuple(counts.tolist())
 
 
 def _bins(grid: Grid, source: Source) -> int:
