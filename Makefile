@@ -9,13 +9,15 @@ PROJECT := .venv/.project
 NATIVE_SOURCES := $(shell find native -mindepth 1 -name build -prune -o -name __pycache__ -prune -o -print)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup native test demo bench accuracy mutations extension window lint format lock clean
+.PHONY: help setup native test demo bench accuracy recommendations gallery mutations extension window lint format lock clean
 
 help:
 	@echo "make test       run the tests"
 	@echo "make demo       compare every model on a real volume; see build/demo/report.html"
 	@echo "make bench      time the kernels"
 	@echo "make accuracy   measure every model's numerical error on real volumes: docs/accuracy.md"
+	@echo "make recommendations  measure what the analysis recommends: docs/recommendations.md"
+	@echo "make gallery    render the standard scenes: docs/gallery.md"
 	@echo "make mutations  plant known faults and check that the tests notice"
 	@echo "make extension  build the Blender extension, dist/*.zip"
 	@echo "make window     use the extension by hand in a real Blender's window (Linux, root)"
@@ -56,6 +58,13 @@ bench: setup
 
 accuracy: setup
 	@$(PYTHON_RUN) tests/benchmarks/accuracy.py -o docs/accuracy.md $(ARGS)
+
+recommendations: setup
+	@$(PYTHON_RUN) tests/benchmarks/recommendations.py -o docs/recommendations.md $(ARGS)
+
+gallery: setup
+	@$(PYTHON_RUN) -m volillum_addon gallery all -o build/gallery $(ARGS)
+	@$(PYTHON_RUN) tests/benchmarks/gallery.py -o docs/gallery.md
 
 mutations: setup
 	@$(PYTHON_RUN) tests/mutations/run.py $(ARGS)

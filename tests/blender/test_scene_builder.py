@@ -4,6 +4,7 @@ import json
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
+from typing import get_args
 
 import bpy
 import numpy as np
@@ -106,8 +107,10 @@ def test_the_picture_is_lit_from_the_suns_side(scene: bpy.types.Scene, tmp_path:
 
 
 def test_up_turns_the_files_axis_upward() -> None:
-    for name, axis in (("x", (1, 0, 0)), ("y", (0, 1, 0)), ("z", (0, 0, 1))):
-        turned = scene_builder._upright(name) @ Vector(axis)
+    for name in get_args(scene_presets.Axis):
+        axis = Vector([0, 0, 0])
+        axis["xyz".index(name[-1])] = -1 if name.startswith("-") else 1
+        turned = scene_builder._upright(name) @ axis
         assert tuple(turned) == pytest.approx((0, 0, 1), abs=1e-6)
         assert scene_builder._upright(name).to_3x3().determinant() == pytest.approx(1)
 

@@ -9,10 +9,11 @@ from media import ball, half_space
 
 from volillum_addon.core.analysis import analysis
 from volillum_addon.core.camera import Camera
-from volillum_addon.core.coarse import block_means, coarsened
+from volillum_addon.core.coarse import block_means, coarsened, refined
 from volillum_addon.core.grid import Grid
 from volillum_addon.core.lights import DistantLight, EnvironmentLight, PointLight, SpotLight
 from volillum_addon.core.medium import Medium
+from volillum_addon.core.native import native
 from volillum_addon.core.orders import lasting_orders
 from volillum_addon.core.scene import Scene
 
@@ -118,6 +119,24 @@ def test_coarser_grids_keep_the_optical_depth() -> None:
     # Of even matter the middle stays, so nothing moves.
     even = Grid(np.ones((20, 12, 16), np.float32), affine)
     assert block_means(even, 4).centre == pytest.approx(even.centre)
+
+
+def test_a_finer_grid_holds_the_same_medium() -> None:
+    """Optical depths along random rays, to float32."""
+    random = np.random.default_rng(4)
+    affine = np.diag([0.3, 0.2, 0.5, 1.0])
+    grid = Grid(random.random((5, 6, 4), dtype=np.float32), affine)
+    coarse = Scene(Medium.from_density(grid), (SUN,))
+    fine = refined(coarse)
+    assert fine.medium.sigma_t.voxel_size == pytest.approx(grid.voxel_size / 2)
+    points = grid.to_world(random.random((40, 3)) * 6 - 1)
+    toward = random.normal(size=(40, 3))
+    toward /= np.linalg.norm(toward, axis=-1, keepdims=True)
+    depths = [
+        native.exact_optical_depth(g.planes(), g.index_to_world, points, toward)
+        for g in (grid, fine.medium.sigma_t)
+    ]
+    np.testing.assert_allclose(depths[1], depths[0], rtol=1e-5, atol=1e-6)
 
 
 def test_a_scene_is_coarsened_to_about_so_many_voxels() -> None:

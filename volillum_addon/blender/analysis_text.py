@@ -47,6 +47,7 @@ def scene_json(scene: Analysis) -> dict[str, Any]:
         },
         "albedo": {"mean": scene.albedo[0], "largest": scene.albedo[1]},
         "g": scene.g,
+        "dark_lights": scene.dark,
         "lights": [_light_json(light) for light in scene.lights],
         "optical_depth_of_view": None if scene.view is None else _depths_json(scene.view),
         "scattering_orders": scene.orders if math.isfinite(scene.orders) else None,
@@ -124,6 +125,8 @@ def absent(scene: Analysis) -> tuple[str, ...]:
         words.append("a sky with directions: band 0 of the harmonics holds all of it")
     if not scene.kinds - {"environment"}:
         words.append("light of one direction: no hard shadows")
+    if scene.dark:
+        words.append(f"light from {scene.dark} of its lights, which are dark")
     if scene.matter < 1:
         words.append(
             f"matter in {100 * (1 - scene.matter):.0f} % of the box: no voxels stored there"

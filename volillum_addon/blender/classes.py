@@ -6,6 +6,7 @@ import bpy
 
 from ..resources import PRESETS
 from . import (
+    analysis_panel,
     histogram,
     import_operators,
     live_session,
@@ -22,6 +23,7 @@ CLASSES = (
     *transfer_operators.CLASSES,
     *live_session.CLASSES,
     *panels.CLASSES,
+    *analysis_panel.CLASSES,
     *transfer_panel.CLASSES,
 )
 # Blender looks for a folder presets/ in here.

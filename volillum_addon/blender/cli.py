@@ -16,7 +16,7 @@ from .. import __version__
 from ..core.control import Cancelled
 from ..models.composition import FORM
 from ..models.registry import MODELS
-from . import analyse_command, compare_command, import_command, scene_presets
+from . import analyse_command, compare_command, gallery_command, import_command, scene_presets
 from .arguments import model_id, model_ids, positive
 from .describe import as_json, as_markdown, as_text
 from .failures import EXPECTED, one_line
@@ -62,6 +62,7 @@ def parser() -> argparse.ArgumentParser:
     _add_bake(commands.add_parser("bake", help="bake one model's illumination into a VDB file"))
     _add_analyse(commands.add_parser("analyse", help="what a scene needs, and what to bake for it"))
     _add_compare(commands.add_parser("compare", help="measure models against full scattering"))
+    gallery_command.add(commands.add_parser("gallery", help="show standard scenes of real volumes"))
     _add_demo(commands.add_parser("demo", help="compare all models on the volume that is included"))
     return result
 

@@ -188,17 +188,23 @@ def demo(thoroughness: Thoroughness, directory: Path, progress_seconds: float | 
 
 @contextmanager
 def opened(file: Path | None, name: str | None) -> Iterator[bpy.types.Scene]:
-    """The scene of the file (opened in this Blender), or of the file that is open; its settings
-    are readable even where the extension is not enabled."""
-    registered = properties.is_registered()
-    if not registered:
-        properties.register()
-    try:
+    """The scene of the file (opened in this Blender), or of the file that is open."""
+    with settings_readable():
         if file is not None:
             _open(file)
         if name is not None:
             choice("scene", name, tuple(bpy.data.scenes.keys()))
         yield bpy.data.scenes[name] if name is not None else bpy.context.scene
+
+
+@contextmanager
+def settings_readable() -> Iterator[None]:
+    """Scenes have their settings, even where the extension is not enabled."""
+    registered = properties.is_registered()
+    if not registered:
+        properties.register()
+    try:
+        yield
     finally:
         if not registered:
             properties.unregister()

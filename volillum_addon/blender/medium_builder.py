@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import bpy
 
-from ..readers.medium_file import ABSORPTION, SCATTERING
+from ..readers.medium_file import ABSORPTION, EMISSION, SCATTERING
 from .nodes import Tree
 
 
-def medium_material(name: str) -> bpy.types.Material:
+def medium_material(name: str, glows: bool = False) -> bpy.types.Material:
     """A new material that renders the coefficients of such a file as they are."""
     material = bpy.data.materials.new(name)
-    show_medium(material)
+    show_medium(material, glows)
     return material
 
 
-def show_medium(material: bpy.types.Material) -> None:
-    """Make the material's volume shader read the coefficients; other nodes stay."""
+def show_medium(material: bpy.types.Material, glows: bool = False) -> None:
+    """Make the material's volume shader read the coefficients, `glows`: emission too; other nodes
+    stay."""
     nodes = material.node_tree.nodes
     for node in [node for node in nodes if node.bl_idname in SHADER_NODES]:
         nodes.remove(node)
@@ -25,7 +26,8 @@ def show_medium(material: bpy.types.Material) -> None:
     volume = tree.node("ShaderNodeVolumeCoefficients")
     tree.feed(volume.inputs["Scatter Coefficients"], tree.attribute(SCATTERING))
     tree.feed(volume.inputs["Absorption Coefficients"], tree.attribute(ABSORPTION))
-    tree.feed(volume.inputs["Emission Coefficients"], (0, 0, 0))
+    emission = tree.attribute(EMISSION) if glows else (0, 0, 0)
+    tree.feed(volume.inputs["Emission Coefficients"], emission)
     tree.tree.links.new(volume.outputs["Volume"], output.inputs["Volume"])
 
 

@@ -15,7 +15,7 @@ from . import animation, child, comparing, live_session, modal, side_by_side, wo
 from .failures import EXPECTED, one_line
 from .jobs import Work
 from .places import output_directory
-from .properties import model_values
+from .properties import chosen_model, model_values
 
 
 def _scene(name: str) -> bpy.types.Scene:
@@ -38,7 +38,7 @@ class VOLILLUM_OT_bake(modal.WorkOperator, bpy.types.Operator):
         """Read the scene; the bake itself knows nothing of Blender."""
         scene = context.scene
         settings = scene.volillum
-        name, model = scene.name, settings.model
+        name, model = scene.name, chosen_model(settings)
         source, reading = work.noted_source(scene), work.read(scene)
         values = model_values(settings, model)
         directory = output_directory(settings.directory)
@@ -61,12 +61,13 @@ class VOLILLUM_OT_bake_frames(modal.WorkOperator, bpy.types.Operator):
         scene = context.scene
         settings, name = scene.volillum, scene.name
         source = work.noted_source(scene)
-        values = model_values(settings, settings.model)
+        model = chosen_model(settings)
+        values = model_values(settings, model)
         directory = output_directory(settings.directory)
         frames = range(scene.frame_start, scene.frame_end + 1)
 
         def compute(control: Control) -> list[dict[str, Any]]:
-            baked = animation.bake(scene, settings.model, values, frames, directory, control)
+            baked = animation.bake(scene, model, values, frames, directory, control)
             return [animation.described(frame) for frame in baked]
 
         return Work(compute, lambda found: work.keep_frames(_scene(name), found, source))
@@ -81,7 +82,7 @@ class VOLILLUM_OT_bake_frames(modal.WorkOperator, bpy.types.Operator):
         copy = child.save_copy()
         arguments = [
             "bake", str(copy.file), "--scene", name, "-o", str(directory),
-            "--model", settings.model, "--frames", f"{scene.frame_start}-{scene.frame_end}",
+            "--model", chosen_model(settings), "--frames", f"{scene.frame_start}-{scene.frame_end}",
         ]  # fmt: skip
 
         def compute(control: Control) -> list[dict[str, Any]]:
@@ -200,7 +201,7 @@ class VOLILLUM_OT_compare(modal.WorkOperator, bpy.types.Operator):
         scene = context.scene
         settings, name = scene.volillum, scene.name
         directory = output_directory(settings.directory)
-        models = () if settings.compare_all else (settings.model,)
+        models = () if settings.compare_all else (chosen_model(settings),)
 
         def compute(control: Control) -> Path:
             options = Options(
@@ -229,7 +230,7 @@ class VOLILLUM_OT_compare(modal.WorkOperator, bpy.types.Operator):
             "--width", str(settings.width),
         ]  # fmt: skip
         if not settings.compare_all:
-            arguments += ["--models", settings.model]
+            arguments += ["--models", chosen_model(settings)]
         if settings.compare_published:
             arguments.append("--published")
 

@@ -57,7 +57,7 @@ class VOLILLUM_PT_model(_Sidebar, bpy.types.Panel):
         model = get(settings.model)
         room = wrap.room(context)
         layout.prop(settings, "model", text="")
-        _lines(layout, model.summary, room)
+        lines(layout, model.summary, room)
         group = getattr(settings, model.id)
         for parameter in model.parameters:
             layout.prop(group, parameter.name)
@@ -79,14 +79,14 @@ class VOLILLUM_PT_bake(_Sidebar, bpy.types.Panel):
         scene = context.scene
         settings = scene.volillum
         layout.prop(settings, "directory")
-        _progress_or_button(layout, "volillum.bake", "RENDER_STILL")
-        _progress_or_button(layout, "volillum.bake_frames", "RENDER_ANIMATION", scale=1)
+        progress_or_button(layout, "volillum.bake", "RENDER_STILL")
+        progress_or_button(layout, "volillum.bake_frames", "RENDER_ANIMATION", scale=1)
         baked = settings.baked
         live = live_session.current()
         follows = live is not None and live.follows(scene)
         layout.operator("volillum.live", icon="FILE_REFRESH", depress=follows)
         if live is not None and follows:
-            _lines(layout, live.message, wrap.room(context), "TIME")
+            lines(layout, live.message, wrap.room(context), "TIME")
         row = layout.row(align=True)
         row.enabled = bool(baked.path)
         shown = baked.shown is not None
@@ -96,7 +96,7 @@ class VOLILLUM_PT_bake(_Sidebar, bpy.types.Panel):
         ).baked = False
         if settings.other.path:
             row.operator("volillum.swap", text=f"A/B: {get(settings.other.model).label}")
-        _progress_or_button(layout, "volillum.side_by_side", "GRID", scale=1)
+        progress_or_button(layout, "volillum.side_by_side", "GRID", scale=1)
         if side_by_side.standing(scene) is not None:
             layout.operator("volillum.clear_row", icon="X")
         layout.prop(settings, "as_radiance")
@@ -116,7 +116,7 @@ class VOLILLUM_PT_compare(_Sidebar, bpy.types.Panel):
         settings = context.scene.volillum
         for name in ("compare_all", "compare_published", "width", "noise", "budget"):
             layout.prop(settings, name)
-        _progress_or_button(layout, "volillum.compare", "SORTTIME")
+        progress_or_button(layout, "volillum.compare", "SORTTIME")
         if not settings.results:
             return
         box = layout.box()
@@ -125,7 +125,7 @@ class VOLILLUM_PT_compare(_Sidebar, bpy.types.Panel):
             entry = box.column(align=True)
             entry.label(text=get(result.model).label)
             if result.error < 0:
-                _lines(entry, result.reason or "not measured", room, "INFO")
+                lines(entry, result.reason or "not measured", room, "INFO")
                 continue
             row = entry.row()
             row.label(text=f"{result.seconds:.2f} s", icon="TIME")
@@ -153,10 +153,10 @@ def _baked(box: bpy.types.UILayout, scene: bpy.types.Scene, room: float) -> None
     how = "found on disk" if baked.found else f"baked in {baked.seconds:.2f} s"
     if baked.frames:
         how = f"{baked.frames} frames, {how}"
-    _lines(box, f"{get(baked.model).label}, {how}", room, "CHECKMARK")
+    lines(box, f"{get(baked.model).label}, {how}", room, "CHECKMARK")
     if baked.model != settings.model:  # or the model's own panel says so
         for note in filter(None, baked.notes.split("\n")):
-            _lines(box, note, room, "INFO")
+            lines(box, note, room, "INFO")
     volume = work.chosen_volume(scene)
     changes = staleness.changes(scene, volume)
     if changes:
@@ -164,12 +164,12 @@ def _baked(box: bpy.types.UILayout, scene: bpy.types.Scene, room: float) -> None
         stale.alert = True
         stale.label(text="Stale: bake again", icon="ERROR")
         for change in changes:
-            _lines(stale, change, room)
+            lines(stale, change, room)
     elif note := staleness.shown_differs(scene, volume):
-        _lines(box, note, room, "LIGHT_SUN")
+        lines(box, note, room, "LIGHT_SUN")
 
 
-def _progress_or_button(
+def progress_or_button(
     layout: bpy.types.UILayout, operator: str, icon: str, scale: float = BUTTON_SCALE
 ) -> None:
     """The button, or how far its job is; other jobs only block it."""
@@ -202,20 +202,20 @@ def _left_out(
         bare = outline(scene, volume)
         model.check(bare)
     except InputError as error:
-        _lines(layout, str(error), room, "ERROR")
+        lines(layout, str(error), room, "ERROR")
         return
     for note in left_out(bare, model.id):
-        _lines(layout, note, room, "INFO")
+        lines(layout, note, room, "INFO")
 
 
 def _needs(layout: bpy.types.UILayout, model: Model, room: float) -> None:
     icons = {"represents": "CHECKMARK", "approximates": "REMOVE", "ignores": "X"}
     for need in model.needs:
         text = f"{need.treatment} {need.feature}: {need.reason}"
-        _lines(layout, text, room, icons[need.treatment])
+        lines(layout, text, room, icons[need.treatment])
 
 
-def _lines(layout: bpy.types.UILayout, text: str, room: float, icon: str = "NONE") -> None:
+def lines(layout: bpy.types.UILayout, text: str, room: float, icon: str = "NONE") -> None:
     """Text over as many lines as it needs; `room` in pixels, of which an icon takes its part."""
     column = layout.column(align=True)
     column.scale_y = 0.8

@@ -158,6 +158,27 @@ class Settings(bpy.types.PropertyGroup):
         min=8,
         soft_max=1024,
     )
+    composition: _text(
+        "Each kind of light",
+        "Its own model, as sun=ID,sky=ID with the models' own parameters; empty: one model for all",
+    )
+    wanted_error: _number(
+        "Error",
+        "What the bake's total error may be, after the best exposure; 0: answers for usual ones",
+        subtype="PERCENTAGE",
+        default=0,
+        min=0,
+        max=100,
+    )
+    wanted_seconds: _number(
+        "Time",
+        "How long the bake may take; 0: any time",
+        unit="TIME_ABSOLUTE",
+        default=0,
+        min=0,
+        soft_max=3600,
+    )
+    analysis: _text("Analysis", "What the last analysis said, as JSON")
     baked: bpy.props.PointerProperty(type=Baked)
     other: bpy.props.PointerProperty(type=Baked, description="The bake before the last one")
     results: bpy.props.CollectionProperty(type=Result)
@@ -169,6 +190,11 @@ Settings.__annotations__ |= {
     id_: bpy.props.PointerProperty(type=group) for id_, group in parameters.GROUPS.items()
 }
 CLASSES = (*parameters.GROUPS.values(), Baked, Result, Settings)
+
+
+def chosen_model(settings: Any) -> str:
+    """The model to bake: the composition where one is named. Raises InputError."""
+    return get(settings.composition.strip() or settings.model).id
 
 
 def model_values(settings: Any, model: str) -> dict[str, Value]:

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from ..bake.grids import grid_names, read_grid
 from ..core.errors import InputError, bad
 from ..core.grid import Grid
-from ..readers.medium_file import is_medium
+from ..readers.medium_file import EMISSION, is_medium
+from .gallery_presets import column
 from .medium_builder import medium_material
-from .scene_presets import Axis, ScenePreset
+from .scene_presets import Axis, ScenePreset, Substance
 
 # Voxels below this share of the largest value are haze that the camera need not frame.
 HAZE = 0.002
@@ -32,7 +33,12 @@ def save_scene(volume: Path, preset: ScenePreset, target: Path) -> None:
     target = target.absolute()
     if target.suffix != ".blend":
         raise bad("the scene's file", repr(target.name), "a name that ends in .blend")
-    grid = _density(volume)
+    save_scene_of(volume, _density(volume), preset, target)
+
+
+def save_scene_of(volume: Path, grid: Grid, preset: ScenePreset, target: Path) -> None:
+    """`save_scene` for a volume whose density grid is read already. A preset without a medium is
+    for files that bring one (readers/medium_file.py)."""
     target.parent.mkdir(parents=True, exist_ok=True)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     build_scene(bpy.context.scene, volume, grid, preset)
@@ -54,7 +60,12 @@ def build_scene(scene: bpy.types.Scene, volume: Path, grid: Grid, preset: SceneP
     name = volume.stem
     upright = _upright(preset.up)
     scene.name = name
-    material = medium_material(name) if is_medium(volume) else _material(name, grid, preset)
+    if is_medium(volume):
+        material = medium_material(name, glows=EMISSION in grid_names(volume))
+    elif preset.medium is None:
+        raise bad("the preset's medium", "missing", f"one for {volume.name}, which brings none")
+    else:
+        material = _material(name, grid, preset.medium)
     data = bpy.data.volumes.new(name)
     data.filepath = str(volume.absolute())
     data.materials.append(material)
@@ -94,18 +105,15 @@ def _upright(up: Axis) -> Matrix:
         "x": Matrix.Rotation(-math.pi / 2, 4, "Y"),
         "y": Matrix.Rotation(math.pi / 2, 4, "X"),
         "z": Matrix.Identity(4),
+        "-x": Matrix.Rotation(math.pi / 2, 4, "Y"),
+        "-y": Matrix.Rotation(-math.pi / 2, 4, "X"),
+        "-z": Matrix.Rotation(math.pi, 4, "X"),
     }
     return turns[up]
 
 
-def _material(name: str, grid: Grid, preset: ScenePreset) -> bpy.types.Material:
+def _material(name: str, grid: Grid, medium: Substance) -> bpy.types.Material:
     """Principled Volume with black absorption colour: sigma_t = density, albedo = colour."""
-    column = max(
-        float(grid.values.sum(axis=axis, dtype=np.float64).max()) * float(grid.voxel_size[axis])
-        for axis in range(3)
-    )
-    if column <= 0:
-        raise InputError(f"{grid.name} holds only zeros; expected some voxel with density")
     material = bpy.data.materials.new(name)
     tree = material.node_tree
     tree.nodes.clear()
@@ -113,8 +121,8 @@ def _material(name: str, grid: Grid, preset: ScenePreset) -> bpy.types.Material:
     volume = tree.nodes.new("ShaderNodeVolumePrincipled")
     volume.location = (-320, 0)
     volume.inputs["Density Attribute"].default_value = grid.name
-    volume.inputs["Density"].default_value = preset.medium.optical_depth / column
-    volume.inputs["Color"].default_value = (*preset.medium.albedo, 1)
+    volume.inputs["Density"].default_value = medium.optical_depth / column(grid)
+    volume.inputs["Color"].default_value = (*medium.albedo, 1)
     volume.inputs["Absorption Color"].default_value = (0, 0, 0, 1)
     tree.links.new(volume.outputs["Volume"], output.inputs["Volume"])
     return material

@@ -7,14 +7,15 @@ from the camera's default place in front (-y) toward the right (+x); lengths fol
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 from ..core.errors import InputError, bad, choice, colour, number
 from ..resources import PRESETS
 
 FOLDER = PRESETS / "scenes"
-Axis = Literal["x", "y", "z"]
+Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 Background = Literal["transparent", "world"]
 Rgb = tuple[float, float, float]
 
@@ -92,15 +93,16 @@ class Picture:
 
 @dataclass(frozen=True)
 class ScenePreset:
-    """All of a demonstration scene but the volume; `up` is the file's axis that points upward."""
+    """All of a demonstration scene but the volume; `up` is the file's axis that points upward.
+    `medium` is None where the volume brings its own coefficients."""
 
     summary: str
     up: Axis
-    medium: Substance
     sun: Sun
     sky: Sky
     camera: View
     image: Picture
+    medium: Substance | None = None
 
     def __post_init__(self) -> None:
         choice("up", self.up, get_args(Axis))
@@ -120,15 +122,20 @@ def load(name: str) -> ScenePreset:
     path = FOLDER / f"{name}.json"
     try:
         raw = json.loads(path.read_text(encoding="utf-8"))
-        parts = {
-            key: _PARTS[key](**value) if key in _PARTS else value for key, value in raw.items()
-        }
-        return ScenePreset(**parts)
     except json.JSONDecodeError as error:
         raise InputError(f"{path.name} is not JSON: {error}; expected a scene preset") from error
+    return parsed(raw, path.name)
+
+
+def parsed(raw: Mapping[str, Any], where: str) -> ScenePreset:
+    """The preset of JSON values found in the file `where`."""
+    try:
+        return ScenePreset(
+            **{key: _PARTS[key](**value) if key in _PARTS else value for key, value in raw.items()}
+        )
     except TypeError as error:
         expected = ", ".join(field.name for field in fields(ScenePreset))
-        raise InputError(f"{path.name}: {error}; expected a scene preset of {expected}") from error
+        raise InputError(f"{where}: {error}; expected a scene preset of {expected}") from error
 
 
 def _rgb(what: str, value: object) -> Rgb:

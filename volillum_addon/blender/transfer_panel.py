@@ -44,9 +44,9 @@ class VOLILLUM_PT_transfer(panels._Sidebar, bpy.types.Panel):
             layout.template_icon(icon_value=picture, scale=ROWS)
             unit = f" {known.unit}" if known.unit else ""
             kind = f"{known.kind.upper()}, " if known.kind else ""
-            panels._lines(layout, f"{kind}{known.low:g} to {known.high:g}{unit}", room)
+            panels.lines(layout, f"{kind}{known.low:g} to {known.high:g}{unit}", room)
         except InputError as error:
-            panels._lines(layout, str(error), room, "ERROR")
+            panels.lines(layout, str(error), room, "ERROR")
         layout.prop(settings, "logarithmic")
         layout.template_color_ramp(transfer.ramp_node(material), "color_ramp", expand=True)
         values = layout.column(align=True)
@@ -58,8 +58,8 @@ class VOLILLUM_PT_transfer(panels._Sidebar, bpy.types.Panel):
         if phase is not None:
             layout.prop(phase, "default_value", text="Anisotropy")
         if stale:
-            panels._lines(layout, "Not applied yet: what is shown and baked is older", room, "INFO")
-        panels._progress_or_button(layout, "volillum.apply_transfer", "CHECKMARK")
+            panels.lines(layout, "Not applied yet: what is shown and baked is older", room, "INFO")
+        panels.progress_or_button(layout, "volillum.apply_transfer", "CHECKMARK")
 
 
 CLASSES = (VOLILLUM_PT_transfer,)

@@ -41,8 +41,11 @@ LARGEST_POWER = 1.1
 CLOCK_SECONDS = 2e-3
 # How far the continuation in h may take an error from what the finer grid has.
 FURTHEST = 2.0
-# A coarse bake of more seconds is costly: it is not made on the coarser grid too.
-COSTLY_SECONDS = 1.0
+# A coarse bake of more seconds (of this machine without other work) is costly: it is not made on
+# the coarser grid too, nor where the rung before gained nothing. An expensive one is not made at
+# all: its error is that of the last rung times what the last step gained, but no estimator gains
+# faster than the root of its work.
+COSTLY_SECONDS, EXPENSIVE_SECONDS = 1.0, 3.0
 # A rung that lowers the error by less than this share gained nothing.
 LEAST_GAIN = 0.02
 # A kernel's planes and the channels made from them are in memory together.
@@ -171,24 +174,33 @@ def _of_model(
     rate: float,
     control: Control,
 ) -> list[Prediction]:
-    """Up the ladder. A rung above one that was costly and gained nothing is not tried: it is taken
-    to be no better, and slower by as much as that one was."""
+    """Up the ladder, as far as it pays to try; what lies above is continued."""
     found: list[Prediction] = []
-    spent: list[float] = []
+    tried: list[tuple[Run, ...]] = []
     trend, powers = 1.0, Powers()
     trimmed = scene.trimmed(VOID_MARGIN)
+    spacing = voxels ** (-1 / 3)
     for rung in model.ladder or ({},):
-        if (
-            len(spent) > 1
-            and spent[-1] > COSTLY_SECONDS
-            and found[-1].error > (1 - LEAST_GAIN) * found[-2].error
-        ):
-            slower = max(1.0, spent[-1] / spent[-2])
-            found.append(replace(found[-1], parameters=rung, seconds=found[-1].seconds * slower))
+        if _is_not_worth_it(found, tried):
+            tried.append(tuple(map(continued_run, *tried[-2:])))
+            seconds = powers.seconds([grids[-1].voxels], tried[-1:], voxels)
+            slower = math.sqrt(_effort(tried[-3]) / _effort(tried[-2]))
+            gain = min(1.0, max(found[-1].error / found[-2].error, slower))
+            last = found[-1]
+            found.append(
+                replace(
+                    last,
+                    parameters=rung,
+                    seconds=seconds + last.peak_bytes // COPIES * rate,
+                    error=last.error * gain,
+                    unexposed=last.unexposed
+                    * min(1.0, max(last.unexposed / found[-2].unexposed, slower)),
+                )
+            )
             continue
         values = model.resolved(trimmed, model.values(rung))
         able, runs = _runs(model, values, grids, control)
-        spent.append(sum(run.seconds for run in runs[-1]))
+        tried.append(runs[-1])
         size = sum(run.channel_bytes for run in runs[-1]) * voxels // able[-1].voxels
         counts = [grid.voxels for grid in able]
         spacings = [count ** (-1 / 3) for count in counts]
@@ -196,7 +208,7 @@ def _of_model(
             [_figure(grid, run, exposed) for grid, run in zip(able, runs, strict=True)]
             for exposed in (True, False)
         )
-        error, noise = continued(after, spacings, voxels ** (-1 / 3))
+        error, noise = continued(after, spacings, spacing)
         if len(able) > 1:
             trend = error / max(after[-1].relative_rmse, 1e-12)
         else:  # as the rung before changed with the grid
@@ -209,10 +221,35 @@ def _of_model(
                 COPIES * size,
                 error,
                 noise,
-                continued(before, spacings, voxels ** (-1 / 3))[0],
+                continued(before, spacings, spacing)[0],
             )
         )
     return found
+
+
+def _effort(runs: tuple[Run, ...]) -> float:
+    return sum(run.effort for run in runs)
+
+
+def _is_not_worth_it(found: list[Prediction], tried: list[tuple[Run, ...]]) -> bool:
+    """Whether the next rung, which costs as many times more as the last one did, is not tried."""
+    if len(found) < 2:
+        return False
+    gained = found[-1].error < (1 - LEAST_GAIN) * found[-2].error
+    coming = _effort(tried[-1]) * max(1.0, _effort(tried[-1]) / _effort(tried[-2]))
+    return coming > (EXPENSIVE_SECONDS if gained else COSTLY_SECONDS)
+
+
+def continued_run(before: Run, last: Run) -> Run:
+    """The run of a rung above: each stage as many times longer as it became before."""
+    laps = {}
+    for stage, lap in last.laps.items():
+        earlier = before.laps.get(stage, lap)
+        longer = 1.0
+        if lap.clock > CLOCK_SECONDS and earlier.processor > 0:
+            longer = max(1.0, lap.processor / earlier.processor)
+        laps[stage] = Lap(lap.clock * longer, lap.processor * longer)
+    return replace(last, laps=laps)
 
 
 def _runs(
@@ -221,7 +258,7 @@ def _runs(
     """The bakes on the grids, coarse to fine, as far as they are cheap; and a limit that hangs on
     the size of voxels may rule out the coarsest grids. Raises InputError where it rules out all."""
     able, runs = [grids[-1]], [grids[-1].run(model, values, control)]
-    if sum(run.seconds for run in runs[0]) > COSTLY_SECONDS:
+    if _effort(runs[0]) > COSTLY_SECONDS:
         return able, runs
     for grid in grids[-2::-1]:
         try:

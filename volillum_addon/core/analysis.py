@@ -73,7 +73,8 @@ class Analysis:
     `shape` is of the box of matter, `matter` the share of its voxels that hold any. Channels are 1
     (grey) or 3, `emission` 0 where nothing glows. `albedo` is (mean by extinction, largest).
     `view` are the depths of the camera's rays that meet matter (None without a camera); `orders`
-    bounds the scattering orders after which less than TAIL of the light is left.
+    bounds the scattering orders after which less than TAIL of the light is left. `dark` lights
+    have no strength, or none of it reaches the medium, and are not among the `lights`.
     """
 
     shape: tuple[int, int, int]
@@ -86,6 +87,7 @@ class Analysis:
     lights: tuple[LightAnalysis, ...]
     view: Depths | None
     orders: float
+    dark: int = 0
 
     @property
     def voxels(self) -> int:
@@ -122,6 +124,7 @@ def analysis(scene: Scene) -> Analysis:
         lights=tuple(_light(light, medium, points, total) for light in lit),
         view=None if scene.camera is None else _view_depths(scene.camera, medium, points),
         orders=lasting_orders(medium, TAIL),
+        dark=len(scene.lights) - len(lit),
     )
 
 

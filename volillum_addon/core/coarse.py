@@ -34,6 +34,35 @@ def coarsened(scene: Scene, voxels: int) -> Scene:
     )
 
 
+def refined(scene: Scene) -> Scene:
+    """The same scene on a grid of half the spacing: the medium is the trilinear interpolant of its
+    voxels, and so it is that of the voxels in between."""
+    medium = scene.trimmed(1).medium
+    emission = medium.emission
+    return replace(
+        scene,
+        medium=replace(
+            medium,
+            sigma_t=_between(medium.sigma_t),
+            sigma_s=_between(medium.sigma_s),
+            emission=None if emission is None else _between(emission),
+        ),
+    )
+
+
+def _between(grid: Grid) -> Grid:
+    values = grid.values
+    for axis in range(3):
+        first = np.moveaxis(values, axis, 0)
+        wide = np.empty((2 * len(first) - 1, *first.shape[1:]), np.float32)
+        wide[::2] = first
+        wide[1::2] = (first[:-1] + first[1:]) / 2
+        values = np.moveaxis(wide, 0, axis)
+    affine = grid.index_to_world.copy()
+    affine[:3, :3] /= 2
+    return Grid(values, affine, grid.name)
+
+
 def block_means(grid: Grid, factor: int) -> Grid:
     """Means over blocks of factor^3 voxels; beyond the grid's end the values are 0."""
     counts = [math.ceil(n / factor) for n in grid.shape]

@@ -190,6 +190,12 @@ class EnvironmentLight:
         return np.asarray(harmonics.evaluate(directions.reshape(-1, 3)).T @ weighted)
 
 
+def shines(light: Light) -> bool:
+    """Whether it has any strength at all; a light without is no light of the scene."""
+    strengths = (getattr(light, name, 0.0) for name in ("irradiance", "intensity", "radiance"))
+    return any(bool(np.any(np.asarray(value) > 0)) for value in strengths)
+
+
 def light_shape(light: Light) -> Iterator[tuple[str, Any]]:
     """Names and values of all fields but the brightness; an image's pixels are its shape."""
     for name, value in sorted(vars(light).items()):

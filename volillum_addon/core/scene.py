@@ -6,7 +6,15 @@ from dataclasses import dataclass, replace
 
 from .camera import Camera
 from .errors import bad
-from .lights import AreaLight, DistantLight, EnvironmentLight, Light, PointLight, SpotLight
+from .lights import (
+    AreaLight,
+    DistantLight,
+    EnvironmentLight,
+    Light,
+    PointLight,
+    SpotLight,
+    shines,
+)
 from .medium import Medium
 
 LIGHT_TYPES = (DistantLight, PointLight, SpotLight, AreaLight, EnvironmentLight)
@@ -37,5 +45,6 @@ class Scene:
         return self.camera
 
     def trimmed(self, margin: int) -> Scene:
-        """The scene with `Medium.trimmed`."""
-        return replace(self, medium=self.medium.trimmed(margin))
+        """The scene with `Medium.trimmed` and without lights of no strength."""
+        lights = tuple(light for light in self.lights if shines(light))
+        return replace(self, medium=self.medium.trimmed(margin), lights=lights)

@@ -20,7 +20,7 @@ import numpy as np
 from ..core.control import Control
 from ..core.errors import bad
 from ..core.grid import Grid
-from ..core.lights import Light
+from ..core.lights import Light, shines
 from ..core.medium import Medium
 from ..core.scene import Scene
 from .model import Equation, Model, Need, Value, Values
@@ -53,8 +53,9 @@ class Part:
         return medium if self.glows else replace(medium, emission=None)
 
     def lights(self, lights: tuple[Light, ...]) -> tuple[Light, ...]:
-        """Those of its group."""
-        return tuple(light for light in lights if light.kind in GROUPS[self.name])
+        """Those of its group that shine."""
+        kinds = GROUPS[self.name]
+        return tuple(light for light in lights if light.kind in kinds and shines(light))
 
     def scene(self, scene: Scene) -> Scene | None:
         """The scene as this part sees it; None where nothing in it is this part's."""

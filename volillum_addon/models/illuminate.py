@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from ..core.control import Control
 from ..core.grid import Grid
-from ..core.lights import Light
+from ..core.lights import Light, shines
 from ..core.scene import Scene
 from .model import Values
 from .registry import get
@@ -76,7 +76,7 @@ def bake(
 def relight(volume: IlluminationVolume, lights: tuple[Light, ...]) -> IlluminationVolume:
     """The same channels under other lights: no new visibility, where the model allows that."""
     model = get(volume.model)
-    known = tuple(light for light in lights if light.kind in model.lights)
+    known = model.known(lights)
     return volume.with_radiance(model.radiance(known, volume.medium, volume.parameters))
 
 
@@ -84,7 +84,8 @@ def left_out(scene: Scene, model: str) -> tuple[str, ...]:
     """What of the scene the model does not represent, in plain words."""
     chosen = get(model)
     notes = []
-    absent = sorted({light.kind for light in scene.lights if light.kind not in chosen.lights})
+    lit = {light.kind for light in scene.lights if shines(light)}
+    absent = sorted(lit - chosen.lights)
     if absent:
         notes.append(f"{chosen.label} leaves out lights of the kinds: {', '.join(absent)}")
     if scene.medium.emission is not None and not chosen.shows_emission(chosen.values({})):

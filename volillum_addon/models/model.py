@@ -10,7 +10,7 @@ from typing import Literal
 from ..core.control import Control
 from ..core.errors import InputError, bad, choice, number
 from ..core.grid import Grid
-from ..core.lights import Light
+from ..core.lights import Light, shines
 from ..core.medium import Medium
 from ..core.scene import Scene
 from .operator import Operator
@@ -123,8 +123,13 @@ class Model:
         return self.operator(self.values({})).lobe == "phase"
 
     def represented(self, scene: Scene) -> tuple[Light, ...]:
-        """The scene's lights that the model's equation has; the others stay out of its bake."""
-        return tuple(light for light in scene.lights if light.kind in self.lights)
+        """The scene's lights that shine and that the model's equation has; the others stay out of
+        its bake."""
+        return self.known(scene.lights)
+
+    def known(self, lights: tuple[Light, ...]) -> tuple[Light, ...]:
+        """Those of the lights that shine and are of the model's kinds."""
+        return tuple(light for light in lights if light.kind in self.lights and shines(light))
 
     def check(self, scene: Scene) -> None:
         """Raise an InputError in plain words when the model cannot serve the scene at all."""

@@ -3,6 +3,7 @@
     density      sigma_t, per unit of length of the volume (float)
     scattering   sigma_s, and
     absorption   sigma_t - sigma_s (floats where the albedo is grey, else Vec3S)
+    emission     sigma_a L_e, where the medium glows
 
 The transfer function is applied to the voxels, and between them all of this is interpolated: what
 Cycles renders and what is baked are the same medium. The file's name has a hash of all it is made
@@ -13,8 +14,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -34,6 +37,7 @@ from .transfer_presets import default_name, load
 
 ENTRY = "volillum_medium"
 DENSITY, SCATTERING, ABSORPTION = "density", "scattering", "absorption"
+EMISSION = "emission"
 # Raised when the same volume and transfer function give other grids.
 REVISION = 1
 
@@ -68,16 +72,25 @@ def write_medium(
             f"the transfer function makes all of {about.source} clear; expected some density "
             f"between {about.low:g} and {about.high:g}"
         )
-    with watch.stage(0.5, 1.0, f"writing {target.name}"), replacing(target) as temporary:
+    with watch.stage(0.5, 1.0, f"writing {target.name}"):
+        store(medium, target, transfer.as_json(), watch)
+    return target
+
+
+def store(
+    medium: Medium, target: Path, entry: Mapping[str, Any], control: Control | None = None
+) -> None:
+    """Write a medium, whole or not at all; `entry` says what it was made from. Raises StorageError,
+    Cancelled."""
+    with replacing(target) as temporary:
         try:
             grids = [to_vdb(each, name) for name, each in _stored(medium)]
-            openvdb().write(str(temporary), grids,
-                            metadata={ENTRY: json.dumps(transfer.as_json())})  # fmt: skip
+            openvdb().write(str(temporary), grids, metadata={ENTRY: json.dumps(entry)})
             layout.check_whole(temporary)
         except (OSError, RuntimeError, InputError) as error:
-            raise complain(directory, temporary) from error
-        watch.check()
-    return target
+            raise complain(target.parent, temporary) from error
+        if control is not None:
+            control.check()
 
 
 def apply(
@@ -125,7 +138,8 @@ def _stored(medium: Medium) -> list[tuple[str, Grid]]:
     wide = sigma_t.values if sigma_s.channels == 1 else sigma_t.values[..., None]
     # Rounding may have put sigma_s above sigma_t by a digit.
     absorbed = np.maximum(wide - sigma_s.values, 0)
-    return [(DENSITY, sigma_t), (SCATTERING, sigma_s), (ABSORPTION, sigma_t.with_values(absorbed))]
+    grids = [(DENSITY, sigma_t), (SCATTERING, sigma_s), (ABSORPTION, sigma_t.with_values(absorbed))]
+    return grids if medium.emission is None else [*grids, (EMISSION, medium.emission)]
 
 
 def _hash(grid: Grid, about: About, transfer: TransferFunction) -> str:
