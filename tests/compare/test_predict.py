@@ -155,7 +155,7 @@ def choice(*entries: tuple[float, float]) -> Predictions:
 
 
 def test_the_recommendation_is_the_cheapest_that_keeps_the_request() -> None:
-    found = choice((1.0, 0.3), (2.0, 0.05), (4.0, 0.04), (9.0, 0.005))
+    found = choice((1.0, 0.3), (2.0, 0.05), (4.0, 0.04), (9.0, 0.006))
 
     def model(request: Request) -> str | None:
         answer = recommended(found, request)
@@ -163,12 +163,12 @@ def test_the_recommendation_is_the_cheapest_that_keeps_the_request() -> None:
 
     assert model(Request(error=0.5)) == "m0"
     assert model(Request(error=0.1)) == "m1"
-    assert model(Request(error=0.01)) == "m3"
+    assert model(Request(error=0.02)) == "m3"
     assert model(Request(error=0.001)) is None
     assert model(Request(seconds=7.0)) == "m2"
     assert model(Request(seconds=0.5)) is None
     assert model(Request(error=0.1, seconds=7.0)) == "m1"
-    assert model(Request(error=0.01, seconds=7.0)) is None
+    assert model(Request(error=0.02, seconds=7.0)) is None
     assert [each.model for each in found.frontier] == ["m0", "m1", "m2", "m3"]
     assert len(usual(found)) == 5
 
