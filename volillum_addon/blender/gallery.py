@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 from ..bake.run import bake_file, baked_volume
 from ..bake.store import replacing
 from ..compare.bounces import bounce_limit
-from ..compare.images import LUMINANCE, WHITE, WHITE_QUANTILE
+from ..compare.images import WHITE, WHITE_QUANTILE
 from ..compare.metrics import Image, best_exposure, figure, relative_noise, silhouette
 from ..compare.predict import predict
 from ..compare.recommend import Request, cautious, recommended
 from ..compare.reference import Stopping, gather
+from ..core.colour import LUMINANCE
 from ..core.control import Control
 from ..core.errors import InputError, bad
 from ..models.image import line_integral
