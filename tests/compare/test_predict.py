@@ -158,7 +158,7 @@ def test_the_recommendation_is_the_cheapest_that_keeps_the_request() -> None:
     found = choice((1.0, 0.3), (2.0, 0.05), (4.0, 0.04), (9.0, 0.006))
 
     def model(request: Request) -> str | None:
-        answer = recommended(found, request)
+        answer = recommended(found.entries, request)
         return None if answer is None else answer.model
 
     assert model(Request(error=0.5)) == "m0"

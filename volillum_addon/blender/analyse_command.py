@@ -41,7 +41,7 @@ def run(options: argparse.Namespace) -> None:
             found = predict(reading.scene, reading.width / reading.height, control)
     request = Request(options.error, options.seconds)
     asked = request != Request()
-    answers = [(request, recommended(found, request))] if asked else usual(found)
+    answers = [(request, recommended(found.entries, request))] if asked else usual(found)
     if options.json:
         print(json.dumps(as_json(found, answers), indent=2, allow_nan=False))
     else:

@@ -48,7 +48,7 @@ class VOLILLUM_OT_analyse(modal.WorkOperator, bpy.types.Operator):
         def compute(control: Control) -> dict[str, Any]:
             found = predict(reading.scene, reading.width / reading.height, control)
             asked = request != Request()
-            answers = [(request, recommended(found, request))] if asked else usual(found)
+            answers = [(request, recommended(found.entries, request))] if asked else usual(found)
             return {
                 "scene": scene_lines(reading.stem, found.analysis),
                 "absent": list(absent(found.analysis)),

@@ -79,7 +79,7 @@ def show(entry: Exhibit, wishes: Wishes, directory: Path, control: Control) -> d
     if model is None:
         with control.stage(0.05, 0.4, f"{entry.name}: foreseeing"):
             found = predict(scene, width / height, control)
-        met = recommended(found, Request(error=wishes.error))
+        met = recommended(found.entries, Request(error=wishes.error))
         chosen = met or min(found.entries, key=cautious)
         model, parameters = chosen.model, chosen.parameters
         why = f"recommended for {100 * wishes.error:g} %" if met else "the closest there is"

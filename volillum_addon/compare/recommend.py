@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from .predict import Prediction, Predictions
@@ -27,12 +28,12 @@ class Request:
     seconds: float | None = None
 
 
-def recommended(found: Predictions, request: Request) -> Prediction | None:
+def recommended(entries: Sequence[Prediction], request: Request) -> Prediction | None:
     """The fastest setting that keeps the error; without one, the most accurate that keeps the time.
     None: no model can."""
     able = [
         each
-        for each in found.entries
+        for each in entries
         if (request.seconds is None or each.seconds * TIME_MARGIN <= request.seconds)
         and (request.error is None or cautious(each) <= request.error)
     ]
@@ -52,4 +53,4 @@ def cautious(each: Prediction) -> float:
 def usual(found: Predictions) -> tuple[tuple[Request, Prediction | None], ...]:
     """Answers to what is asked most."""
     requests = [Request(error=error) for error in USUAL_ERRORS]
-    return tuple((request, recommended(found, request)) for request in requests)
+    return tuple((request, recommended(found.entries, request)) for request in requests)
