@@ -218,5 +218,6 @@ def affine(
 
 def to_lps(matrix: NDArray[np.float64], space: str) -> NDArray[np.float64]:
     """`matrix` of another anatomical space, turned or mirrored into LPS."""
-    turned: NDArray[np.float64] = np.diag([*TO_LPS[space], 1]) @ matrix
+    with np.errstate(over="ignore", invalid="ignore"):  # a Source looks at the result
+        turned: NDArray[np.float64] = np.diag([*TO_LPS[space], 1]) @ matrix
     return turned
