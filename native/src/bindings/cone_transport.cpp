@@ -90,14 +90,17 @@ Result cone_transport(const AnyArray &sigma_t, const AnyArray &sigma_s,
                           {std::int64_t(sigma_t.shape(0)), std::int64_t(sigma_t.shape(1)),
                            std::int64_t(sigma_t.shape(2)), std::int64_t(sigma_t.shape(3))});
 
-    Real *data = new Real[channels * voxels];
-    const nb::capsule owner(data,
-                            [](void *pointer) noexcept { delete[] static_cast<Real *>(pointer); });
+    // Made by numpy, so that a large one gets the pages that numpy asks for.
+    nb::object array = nb::module_::import_("numpy").attr("empty")(
+        nb::make_tuple(channels, sigma_t.shape(1), sigma_t.shape(2), sigma_t.shape(3)),
+        sizeof(Real) == 4 ? "float32" : "float64");
+    Result result = nb::cast<Result>(array);
+    Real *data = result.data();
     {
         const nb::gil_scoped_release release;
         volillum::cone_transport(scene, {spacing, threads, control}, data);
     }
-    return Result(data, {channels, sigma_t.shape(1), sigma_t.shape(2), sigma_t.shape(3)}, owner);
+    return result;
 }
 
 constexpr const char *cone_transport_doc =

@@ -1,9 +1,9 @@
 // The medium on a row of lattice points.
 #include <algorithm>
-#include <cstring>
 
 #include "cone_transport_kernels.h"
 #include "volillum/no_alias.h"
+#include "volillum/pairs.h"
 
 namespace volillum::cone_detail {
 namespace {
@@ -55,16 +55,6 @@ VOLILLUM_INLINE void place_pair(double begin, double step, int size, AxisPlaces 
         places.low_weight[c] = first > 0 ? first : Real(0);
         places.high_weight[c] = second > 0 && size > 1 ? second : Real(0);
     }
-}
-
-// Two neighbours with one load.
-struct Pair {
-    Real first, second;
-};
-VOLILLUM_INLINE Pair pair_at(const Real *values) {
-    Pair pair;
-    std::memcpy(&pair, values, sizeof pair);
-    return pair;
 }
 
 VOLILLUM_INLINE void fetch(const Real *values, const AxisPlaces &x, const AxisPlaces &y,

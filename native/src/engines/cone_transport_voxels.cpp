@@ -4,6 +4,7 @@
 
 #include "volillum/exp_negative.h"
 #include "volillum/no_alias.h"
+#include "volillum/pairs.h"
 
 namespace volillum::cone_detail {
 namespace {
@@ -47,12 +48,15 @@ VOLILLUM_DISPATCH void find(const Vec3d &first, const Vec3d &step, int count, co
 }
 
 VOLILLUM_DISPATCH void mean(const Real *values, const Neighbours &near, Real *out) {
+    Pair pairs[4][kChunk];
+    for (int i = 0; i < 4; ++i)
+        for (int k = 0; k < kChunk; ++k) pairs[i][k] = pair_at(values + near.at[i][k]);
     VOLILLUM_NO_ALIAS
     for (int k = 0; k < kChunk; ++k) {
         Real low = 0, high = 0;
         for (int i = 0; i < 4; ++i) {
-            low += near.weight[i][k] * values[near.at[i][k]];
-            high += near.weight[i][k] * values[near.at[i][k] + 1];
+            low += near.weight[i][k] * pairs[i][k].first;
+            high += near.weight[i][k] * pairs[i][k].second;
         }
         out[k] = (1 - near.along[k]) * low + near.along[k] * high;
     }
