@@ -255,7 +255,6 @@ def test_the_user_s_own_lights_are_the_lights_that_were_read(users_scene: bpy.ty
     )
     means, others = own.mean((1, 2)), rebuilt.mean((1, 2))
     error = np.sqrt((means.var(0, ddof=1) + others.var(0, ddof=1)) / 4)
-    # The area light's own size (0.25 at 3) is a point to the core: 0.3 % of its share.
     assert np.all(np.abs(means.mean(0) - others.mean(0)) < 5 * error + 2e-3 * means.mean(0))
     assert np.all(error < 0.01 * means.mean(0))
 
@@ -268,7 +267,7 @@ def test_the_identity_names_everything_that_an_image_depends_on(
 
     first = identity()
     assert first == identity()
-    users_scene.objects["AREA"].data.size = 0.5  # the core does not know it, Cycles does
+    users_scene.objects["AREA"].data.size = 0.5
     second = identity()
     assert second != first
     users_scene.objects["AREA"].location.x += 0.1

@@ -154,6 +154,27 @@ def test_an_area_light(plate: Callable[..., bpy.types.Scene], tmp_path: Path, sh
     assert_mean(render(scene, tmp_path, 256), expected(light, math.cos(0.4)))
 
 
+@pytest.mark.parametrize("shape", ["SQUARE", "ELLIPSE"])
+def test_a_near_area_light_has_a_size(
+    plate: Callable[..., bpy.types.Scene], tmp_path: Path, shape: str
+) -> None:
+    """15 x 7 at a distance of 10: the sum of single scattering over its surface."""
+    scene = plate()
+    turned = toward(tilted(0.4), 10) @ Euler((0.7, 0, 0.3)).to_matrix().to_4x4()
+    area = add_light(scene, "AREA", 1e3, turned @ Matrix.Diagonal((1.5, 0.7, 1, 1)))
+    area.data.shape, area.data.size, area.data.size_y = shape, 10.0, 8.0
+    (light,) = read_lights(scene)
+    points, shares = light.points(1024)
+    distance = np.linalg.norm(points, axis=-1)
+    lit = light.shape(-points @ np.asarray(light.direction) / distance) / distance**2
+    scattered = single_scattering(points[:, 2] / distance, DEPTH)
+    wanted = np.asarray(light.intensity) * (shares * lit * scattered).sum() / (4 * math.pi)
+    alike = light.intensity * (shares * lit).sum()
+    assert np.allclose(alike, light.fluence(ORIGIN), rtol=1e-3)
+    assert np.all(abs(light.intensity / 100 - alike) > 0.1 * alike), "the size matters here"
+    assert_mean(render(scene, tmp_path, 256), wanted)
+
+
 def test_a_constant_world(plate: Callable[..., bpy.types.Scene], tmp_path: Path) -> None:
     scene = plate()
     scene.world = build_world((EnvironmentLight((0.5, 1.0, 2.0)),))

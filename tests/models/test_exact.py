@@ -186,6 +186,8 @@ def test_every_kind_of_light_has_its_fluence(row: Register) -> None:
         PointLight((4, 9, 5), (1, 2, 3)),
         SpotLight((4, 9, 5), (0.1, -1, -0.2), (1, 2, 3), angle=0.9, blend=0.9),
         AreaLight((4, 9, 5), (0.1, -1, 0), (1, 2, 3)),
+        AreaLight((4, 9, 5), (0.1, -1, 0), (1, 2, 3), (5, 3), across=(0, 0, 1)),
+        AreaLight((4, 9, 5), (0.1, -1, 0), (1, 2, 3), 6, True),
         EnvironmentLight((1, 2, 3)),
         EnvironmentLight(sky, rotation=np.eye(3)[[1, 2, 0]]),
     ):

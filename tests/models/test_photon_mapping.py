@@ -23,6 +23,7 @@ from volillum_addon.core.lights import (
 )
 from volillum_addon.core.medium import Medium
 from volillum_addon.core.scene import Scene
+from volillum_addon.models.exact import exact
 from volillum_addon.models.illuminate import bake, relight
 from volillum_addon.models.photon_lights import image_rule
 from volillum_addon.models.progressive import photon_state, refine
@@ -100,7 +101,8 @@ def test_slab_under_a_sun(
     for k, truth in ((slices + 3, top), (2 + slices // 2, middle), (0, bottom)):
         place = (*middle_column, k)
         assert abs(value[place][0] - truth) < LIMIT * error[place][0] + 1e-4 * truth
-        assert error[place][0] < 0.01 * truth
+        # In the void beyond a face lengths go as 1 / cosine: their variance has a long tail.
+        assert error[place][0] < 0.02 * truth
 
 
 @pytest.mark.parametrize(
@@ -271,6 +273,30 @@ def test_a_lamp_far_away_is_a_sun(kind: str) -> None:
     same_mean(one, two, 4e-3)
 
 
+@pytest.mark.parametrize("ellipse", [False, True])
+def test_an_area_light_has_a_size(ellipse: bool) -> None:
+    """As wide as the medium, close to it: unscattered light alone, and all, against the judge."""
+    grid = MEDIUM.sigma_t
+    half = np.linalg.norm(grid.corners() - grid.centre, axis=1).max()
+    toward = np.array([0.48, 0.6, 0.64])
+    place = grid.centre + 1.6 * half * toward
+    light = AreaLight(place, -toward, (1, 2, 4), (2 * half, half), ellipse, (0.8, 0, -0.6))
+    far = np.asarray(light.intensity) / (1.6 * half) ** 2
+    assert np.all(light.fluence(grid.centre) < 0.9 * far)
+    for albedo in (0.0, 0.9):
+        sigma_s = grid.with_values(grid.values * np.float32(albedo))
+        scene = Scene(Medium(grid, sigma_s), (light,))
+        found = replicates(scene, 8, directions=1024)
+        lattice = bake(scene, MODEL, photons=100).medium.sigma_t
+        index = np.argwhere(np.ones(lattice.shape))[:: lattice.values.size // 40]
+        truth = exact(scene, MODEL, lattice.to_world(index.astype(np.float64)), samples=8192)
+        values = found[(slice(None), *index.T)]
+        noise = np.hypot(values.std(0, ddof=1) / math.sqrt(8), truth.standard_error)
+        # Photons tell the mean over a box: 1 % of what they bring; points of the light: 0.3 %.
+        allowed = 7 * noise + (3e-3 + 0.01 * (albedo > 0)) * truth.value
+        assert np.all(np.abs(values.mean(0) - truth.value) < allowed)
+
+
 def test_a_lamp_inside_is_the_same_from_every_side() -> None:
     """Eight spots of a quarter of the sphere... in sum: two half-space spots are one point."""
     place = MEDIUM.sigma_t.centre + 0.013
@@ -311,7 +337,7 @@ def test_a_continued_run_is_the_uninterrupted_one(tmp_path: Path) -> None:
     assert np.array_equal(bake(scene, MODEL, passes=6, **settings).channels["light_emitted"].values,
                           whole.channels["light_emitted"].values)  # fmt: skip
     other = photon_state(scene, {"photons": 3000, "noise_seed": 8})
-    with pytest.raises(InputError, match="inputs is others; expected this scene, photons and seed"):
+    with pytest.raises(InputError, match="inputs is others; expected this scene, photons, seed"):
         other.load(tmp_path / "run.npz")
     (tmp_path / "no.npz").write_bytes(b"nothing")
     with pytest.raises(InputError, match="cannot be read"):

@@ -223,4 +223,21 @@ FAULTS = (
             "tests/readers/test_real_files.py::test_the_head_is_turned_by_30_degrees",
         ),
     ),
+    Fault(
+        "a kernel that shrinks as in two dimensions",
+        "volillum_addon/models/photon_kernel.py",
+        "return first * math.exp(log_cube / 3)",
+        "return first * math.exp(log_cube / 2)",
+        (
+            "tests/models/test_photon_kernel.py::test_radii_have_a_closed_form",
+            "tests/models/test_photon_kernel.py::test_bias_falls_with_the_square_of_the_radius",
+        ),
+    ),
+    Fault(
+        "an area light seen whole from every point of it",
+        "volillum_addon/models/photon_lights.py",
+        "share * _falloff(",
+        "_falloff(",
+        ("tests/models/test_photon_mapping.py::test_an_area_light_has_a_size",),
+    ),
 )

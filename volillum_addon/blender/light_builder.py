@@ -20,8 +20,8 @@ from ..core.lights import (
 from .nodes import Tree
 from .sandbox import add_object
 
-# The core's area light is far away compared with its size: its side as a share of the distance to
-# the medium's centre, for which the finite size changes the fluence by less than 1e-6.
+# An area light without a size gets this side, as a share of the distance to the medium's centre,
+# for which the finite size changes the fluence by less than 1e-6.
 AREA_SIDE = 1e-3
 
 
@@ -58,8 +58,15 @@ def _add_light(scene: bpy.types.Scene, light: Light, centre: NDArray[np.float64]
     elif isinstance(light, AreaLight):
         data = bpy.data.lights.new("area", "AREA")
         distance = float(np.linalg.norm(np.asarray(light.position) - centre))
-        data.shape, data.size = "SQUARE", AREA_SIDE * distance
-        placed = _placed(data, scene, np.asarray(light.position), np.asarray(light.direction))
+        data.shape = "ELLIPSE" if light.ellipse else "RECTANGLE"
+        data.size, data.size_y = np.maximum(np.asarray(light.size), AREA_SIDE * distance)
+        placed = add_object(scene, data, data.name)
+        backward = -np.asarray(light.direction)
+        across = np.asarray(light.across)
+        turn = np.stack([across, np.cross(backward, across), backward], axis=1)
+        place = Matrix(turn).to_4x4()
+        place.translation = Vector(np.asarray(light.position))
+        placed.matrix_world = place
         _set_strength(data, np.asarray(light.intensity) * math.pi)
     else:
         raise TypeError(f"light is a {type(light).__name__}; expected a light of the core")

@@ -82,7 +82,10 @@ def read_light(placed: bpy.types.Object) -> Light:
         raise InputError(
             f"{where} has a spread of {math.degrees(data.spread):.4g} degrees; expected 180"
         )
-    return AreaLight(position, -backward, strength / math.pi)
+    ellipse = data.shape in ("DISK", "ELLIPSE")
+    height = data.size_y if data.shape in ("RECTANGLE", "ELLIPSE") else data.size
+    size = np.linalg.norm(matrix[:3, :2], axis=0) * (data.size, height)
+    return AreaLight(position, -backward, strength / math.pi, size, ellipse, matrix[:3, 0])
 
 
 def _strength(data: bpy.types.Light) -> NDArray[np.float64]:

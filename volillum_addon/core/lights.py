@@ -111,26 +111,103 @@ class SpotLight:
 
 @dataclass(frozen=True, eq=False)
 class AreaLight:
-    """A flat emitter of uniform radiance, far away compared with its size.
+    """A flat emitter of uniform radiance: a rectangle, or the ellipse in it.
 
-    `direction` is where it shines, `intensity` the RGB radiant intensity on that axis (W/sr).
+    `direction` is where it shines, `intensity` the RGB radiant intensity on that axis (W/sr), its
+    radiance times its area. `size` is its width, or width and height (world units; 0: a point far
+    away); `across` a vector along the width, perpendicular to `direction` (None: any).
     """
 
     kind: ClassVar[str] = "area"
     position: ArrayLike
     direction: ArrayLike
     intensity: ArrayLike | float
+    size: ArrayLike | float = 0.0
+    ellipse: bool = False
+    across: ArrayLike | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "position", vector("area light position", self.position))
         object.__setattr__(self, "direction", unit_vector("area light direction", self.direction))
         object.__setattr__(self, "intensity", colour("area light intensity", self.intensity))
+        size = np.asarray(self.size, np.float64)
+        if size.shape not in ((), (2,)) or not np.all(np.isfinite(size)) or np.any(size < 0):
+            raise bad("area light size", self.size, "a width, or width and height, 0 or more")
+        object.__setattr__(self, "size", np.broadcast_to(size, (2,)).copy())
+        axis = np.asarray(self.direction)
+        if self.across is None:
+            across = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
+        else:
+            across = unit_vector("area light's across", self.across)
+            off = float(across @ axis)
+            if abs(off) > 1e-4:
+                raise bad("area light's across", self.across, "a vector at 90 degrees to direction")
+            # What is perpendicular already changes by no bit.
+            across = across - axis * off if abs(off) > 1e-12 else across
+        object.__setattr__(self, "across", unit_vector("area light's across", across))
+
+    @property
+    def half_axes(self) -> NDArray[np.float64]:
+        """Vectors [2, 3] from the middle to the middle of two sides."""
+        across = np.asarray(self.across)
+        axes = np.stack([across, np.cross(across, np.asarray(self.direction))])
+        return np.asarray(axes * np.asarray(self.size)[:, None] / 2)
+
+    @property
+    def area(self) -> float:
+        """Its surface."""
+        return float(np.prod(np.asarray(self.size))) * (math.pi / 4 if self.ellipse else 1.0)
+
+    def points(self, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """About `count` points [n, 3] of the emitter and their shares [n] of its surface: Gauss'
+        rule in width and height, or in the square of the radius and evenly around."""
+        if not np.any(np.asarray(self.size)):
+            return np.asarray(self.position)[None], np.ones(1)
+        if self.ellipse:
+            rings = max(1, round(math.sqrt(count) / 2))
+            square, share = np.polynomial.legendre.leggauss(rings)
+            around = max(4, round(count / rings))
+            # Rings are turned against each other, so that no two points cast one shadow's edge.
+            turn = (np.arange(around) + np.arange(rings)[:, None] * 0.618) / around
+            radius = np.sqrt((square + 1) / 2)[:, None]
+            u = (radius * np.cos(2 * math.pi * turn)).ravel()
+            v = (radius * np.sin(2 * math.pi * turn)).ravel()
+            weights = np.repeat(share / (2 * around), around)
+        else:
+            side = max(1, round(math.sqrt(count)))
+            node, share = np.polynomial.legendre.leggauss(side)
+            u, v = np.repeat(node, side), np.tile(node, side)
+            weights = np.outer(share, share).ravel() / 4
+        return np.asarray(self.position) + np.stack([u, v], -1) @ self.half_axes, weights
 
     def fluence(self, point: NDArray[np.float64]) -> Rgb:
-        squared = _distance_squared(self.position, point)
-        away = (point - np.asarray(self.position)) / math.sqrt(squared)
-        cosine = np.asarray(away @ np.asarray(self.direction))
-        return np.asarray(self.intensity) * self.shape(cosine) / squared
+        if self.area == 0:
+            squared = _distance_squared(self.position, point)
+            away = (point - np.asarray(self.position)) / math.sqrt(squared)
+            cosine = np.asarray(away @ np.asarray(self.direction))
+            return np.asarray(self.intensity) * self.shape(cosine) / squared
+        # Radiance times solid angle.
+        return np.asarray(self.intensity) / self.area * self._solid_angle(np.asarray(point))
+
+    def _solid_angle(self, point: NDArray[np.float64]) -> float:
+        """At which the lit side is seen: a fan of triangles (Van Oosterom and Strackee 1983)."""
+        middle = np.asarray(self.position)
+        if not float((point - middle) @ np.asarray(self.direction)) > 0:
+            return 0.0
+        if self.ellipse:
+            turn = np.arange(256) * (2 * math.pi / 256)
+            # A polygon of the ellipse's area.
+            stretch = math.sqrt(2 * math.pi / (256 * math.sin(2 * math.pi / 256)))
+            rim = stretch * np.stack([np.cos(turn), np.sin(turn)], -1)
+        else:
+            rim = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+        a = middle - point
+        b = middle + rim @ self.half_axes - point
+        c = np.roll(b, -1, axis=0)
+        la, lb, lc = (np.linalg.norm(x, axis=-1) for x in (a, b, c))
+        above = np.cross(b, c) @ a
+        below = la * lb * lc + (b @ a) * lc + (c @ a) * lb + (b * c).sum(-1) * la
+        return abs(float(2 * np.arctan2(above, below).sum()))
 
     def shape(self, cosine: NDArray[np.float64]) -> NDArray[np.float64]:
         """Intensity over that on the axis, at cosines of the angle to the axis."""

@@ -104,7 +104,8 @@ def native_light(light: Light, lattice: Grid) -> dict[str, object]:
     if isinstance(light, SpotLight):
         edge = math.cos(light.angle / 2)
         return lamp | {"shape": "spot", "cos_angle": edge, "blend": (1 - edge) * light.blend}
-    flat = {"half_width": np.zeros(3), "half_height": np.zeros(3), "ellipse": 0.0}
+    width, height = light.half_axes
+    flat = {"half_width": width, "half_height": height, "ellipse": float(light.ellipse)}
     return lamp | {"shape": "flat"} | flat
 
 

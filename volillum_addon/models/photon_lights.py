@@ -38,7 +38,8 @@ from .angular import MOMENTS, Phase
 from .engines import sweep
 
 Rgb = NDArray[np.float64]
-# A sun's disc takes its share of the sphere's directions, but at least these: its edge is smooth.
+# A sun's disc takes its share of the sphere's directions, and an area light's surface of points,
+# but at least these: its edge is smooth.
 LEAST_DISC_DIRECTIONS = 16
 # Half of an image's directions go where the light is, half where the solid angle is.
 SPREAD_SHARE = 0.5
@@ -64,7 +65,7 @@ def source(light: Light) -> native.PhotonSource:
         return make.spot(np.asarray(light.position), np.asarray(light.direction), edge, light.blend)
     assert isinstance(light, AreaLight)
     return make.area(
-        np.asarray(light.position), np.asarray(light.direction), np.zeros((2, 3)), False
+        np.asarray(light.position), np.asarray(light.direction), light.half_axes, light.ellipse
     )
 
 
@@ -108,16 +109,27 @@ def is_coloured(light: Light) -> bool:
     return bool(np.ptp(np.asarray(light.radiance), axis=-1).any())
 
 
-def phase_of(light: Light, g: float) -> Phase:
-    """The phase function of the light that comes straight from it.
+def phase_of(light: Light, g: float, centre: NDArray[np.float64]) -> Phase:
+    """The phase function of the light that comes straight from it; `centre` is the medium's.
 
     A sun's disc blurs the phase function: band 1 of it by the disc's mean cosine. Henyey and
-    Greenstein's function with that product for its g has the same band 1.
+    Greenstein's function with that product for its g has the same band 1. An area light is taken
+    as spread as the centre sees it.
     """
     if isinstance(light, DistantLight):
         blurred = g * (1 + math.cos(light.angle / 2)) / 2
         return Phase(blurred, direction=tuple(np.asarray(light.direction).tolist()))
-    return Phase(g, position=tuple(np.asarray(light.position).tolist()))  # type: ignore[attr-defined]
+    position = np.asarray(light.position)  # type: ignore[attr-defined]
+    if isinstance(light, AreaLight) and light.area:
+        points, shares = light.points(256)
+        away = centre - points
+        distance = np.linalg.norm(away, axis=-1, keepdims=True)
+        shares = shares[:, None] * light.shape(away @ np.asarray(light.direction))[:, None]
+        shares = shares / np.maximum(distance, 1e-300) ** 3
+        if shares.sum() > 0:
+            mean = (shares * away / distance).sum(axis=0) / shares.sum()
+            g = g * float(np.linalg.norm(mean))
+    return Phase(g, position=tuple(position.tolist()))
 
 
 def unscattered(
@@ -136,15 +148,22 @@ def unscattered(
     if isinstance(light, EnvironmentLight):
         return _from_all_around(light, medium, directions, near, control)
     assert isinstance(light, PointLight | SpotLight | AreaLight)
-    planes: NDArray[np.float32] = native.transmittance_to(
-        sigma_t.planes(),
-        sigma_t.index_to_world,
-        np.asarray(light.position),
-        control=control.native,
-    )
-    for i, points in enumerate(_slices(sigma_t)):
-        planes[:, i] *= _falloff(light, points, sigma_t)
-    return planes[None]
+    positions, shares = np.asarray(light.position)[None], np.ones(1)
+    if isinstance(light, AreaLight) and light.area:
+        part = light.fluence(sigma_t.centre).mean() * light.area / (4 * math.pi)
+        part = part / max(float(np.asarray(light.intensity).mean()), 1e-300)
+        positions, shares = light.points(max(LEAST_DISC_DIRECTIONS, round(directions * part)))
+    total: NDArray[np.float32] | None = None
+    for number, (position, share) in enumerate(zip(positions, shares, strict=True)):
+        with control.stage(number / len(shares), (number + 1) / len(shares), "visibility"):
+            planes: NDArray[np.float32] = native.transmittance_to(
+                sigma_t.planes(), sigma_t.index_to_world, position, control=control.native
+            )
+        for i, points in enumerate(_slices(sigma_t)):
+            planes[:, i] *= share * _falloff(light, position, share, points, sigma_t)
+        total = planes if total is None else total + planes
+    assert total is not None
+    return total[None]
 
 
 def _from_all_around(
@@ -236,21 +255,28 @@ def _reference_distance(light: Light, lattice: Grid) -> float:
 
 
 def _falloff(
-    light: PointLight | SpotLight | AreaLight, points: NDArray[np.float64], lattice: Grid
+    light: PointLight | SpotLight | AreaLight,
+    position: NDArray[np.float64],
+    share: float,
+    points: NDArray[np.float64],
+    lattice: Grid,
 ) -> NDArray[np.float64]:
-    """F / (4 pi) of the light's unit at world points [..., 3].
+    """F / (4 pi) of the light's unit at world points [..., 3], were all of it at `position`.
 
-    In the voxel that holds the light 1 / d^2 is cut to its mean over a ball of the voxel's volume.
+    In the voxel that holds the light 1 / d^2 is cut to its mean over a ball of the voxel's volume;
+    a share of an area light's surface fills at most half of all directions.
     """
     volume = abs(float(np.linalg.det(lattice.index_to_world[:3, :3])))
-    closest = (3 * volume / (4 * math.pi)) ** (1 / 3)
-    away = points - np.asarray(light.position)
+    closest = (3 * volume / (4 * math.pi)) ** (2 / 3) / 3
+    away = points - position
     squared = (away**2).sum(axis=-1)
     shape: NDArray[np.float64] | float = 1.0
     if not isinstance(light, PointLight):
         cosine = away @ np.asarray(light.direction) / np.sqrt(np.maximum(squared, 1e-300))
         shape = light.shape(cosine)
-    bounded = np.maximum(squared, closest**2 / 3)
+    if isinstance(light, AreaLight):
+        closest = max(closest, share * light.area / (2 * math.pi))
+    bounded = np.maximum(squared, closest)
     unit = _reference_distance(light, lattice) ** 2
     return np.asarray(shape * unit / (4 * math.pi * bounded), np.float64)
 

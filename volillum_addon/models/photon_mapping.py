@@ -9,6 +9,9 @@ been scattered at least once. The estimate is the photons' track length in each 
 J = (1 / 4 pi) sum of power * length / volume: it has no kernel, works in the void and at borders,
 and passes average without bias beyond the mean over a voxel.
 
+The setting `estimate` = kernel is the paper's own: photons in balls whose radius shrinks from pass
+to pass (photon_kernel.py), with bias and noise that both vanish.
+
 Where the medium is anisotropic (g), unscattered light of one direction is multiplied by the phase
 function toward the eye, and all other light is kept as directional moments up to l = 2, which g^l
 carries through the phase function; the rest is estimated and noted. Nothing else of the equation is
@@ -32,6 +35,7 @@ from . import photon_lights
 from .angular import MOMENT_ORDER, MOMENTS, Moment
 from .model import Model, Need, Parameter, Values
 from .operator import Operator
+from .photon_kernel import OPTIMAL_ALPHA
 from .photon_state import LEAST_PASSES, PACK, UNSCATTERED_SHARE, PhotonState
 from .settings import NEAR_SLICES
 from .volume import STANDARD_ERROR, Factor, IlluminationVolume, RadianceTerm
@@ -79,7 +83,7 @@ def radiance(lights: tuple[Light, ...], medium: Medium, values: Values) -> tuple
             terms.append(RadianceTerm((Factor("light" + suffix),), _rgb(strength)))
             continue
         if light is not None and photon_lights.has_direction(light):
-            phase = photon_lights.phase_of(light, medium.g)
+            phase = photon_lights.phase_of(light, medium.g, medium.sigma_t.centre)
             terms.append(RadianceTerm((Factor("direct" + suffix),), _rgb(strength), phase))
         emission = medium.emission if light is None else None
         coloured = (
@@ -169,6 +173,22 @@ MODEL = Model(
             4096,
         ),
         NEAR_SLICES,
+        Parameter(
+            "estimate",
+            "track_length",
+            "Count path lengths in voxels, or photons in balls that shrink (the paper's)",
+            choices=("track_length", "kernel"),
+        ),
+        Parameter(
+            "radius", 2.0, "The kernel's first radius: more blur, less noise", 0.5, 32.0, "voxels"
+        ),
+        Parameter(
+            "alpha",
+            OPTIMAL_ALPHA,
+            "How the kernel shrinks: small, fast, with more noise; 1: not at all",
+            0.05,
+            1.0,
+        ),
     ),
     needs=(
         Need("multiple scattering", "represents", "all orders"),
@@ -176,6 +196,7 @@ MODEL = Model(
         Need("emission", "represents", "also as light on the medium"),
         Need("chromatic extinction", "represents", "all channels along one path"),
         Need("phase function", "represents", "exactly for unscattered light of one direction"),
+        Need("phase function of area lights", "approximates", "with its mean over their surface"),
         Need("phase function of other light", "approximates", "its bands 0 to 2"),
     ),
     lights=frozenset({"distant", "point", "spot", "area", "environment"}),

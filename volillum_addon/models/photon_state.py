@@ -19,7 +19,7 @@ from ..core.grid import Grid
 from ..core.lights import light_shape
 from ..core.native import native
 from ..core.scene import Scene
-from . import photon_lights
+from . import photon_kernel, photon_lights
 from .angular import MOMENTS
 from .engines import channels_of
 from .model import Values
@@ -68,9 +68,19 @@ class PhotonState:
         self.scene, self.values = scene, dict(values)
         medium = scene.medium
         self._moments = 1 if medium.g == 0 else MOMENTS
+        # Track lengths are deposited on the lattice itself, kernels on a wider one.
+        self._margin, floor = (0, 0, 0), 0.0
+        self._first_radius = 0.0
+        if values["estimate"] == "kernel":
+            size = photon_kernel.voxel_size(medium.sigma_t)
+            self._first_radius = float(values["radius"]) * size
+            self._margin = photon_kernel.padding(medium.sigma_t, self._first_radius)
+            floor = photon_kernel.least_majorant(medium.sigma_t)
+        traced = photon_kernel.widened_medium(medium, self._margin) if floor else medium
+        self._traced = traced.sigma_t.shape
         self._photons = native.Photons(
-            medium.sigma_t.planes(), medium.sigma_s.planes(), medium.sigma_t.index_to_world,
-            medium.g,
+            traced.sigma_t.planes(), traced.sigma_s.planes(), traced.sigma_t.index_to_world,
+            medium.g, floor,
         )  # fmt: skip
         self.parts: list[Part] = []
         lattice = medium.sigma_t
@@ -85,7 +95,8 @@ class PhotonState:
             one_way = medium.g != 0 and photon_lights.has_direction(light)
             self.parts.append(self._part(source, exact, unit, strength, one_way))
         if medium.emission is not None:
-            source = photon_lights.emission_source(medium.emission)
+            assert traced.emission is not None
+            source = photon_lights.emission_source(traced.emission)
             self.parts.append(self._part(source, None, 1.0, np.ones(3), False))
 
     def _part(
@@ -97,7 +108,7 @@ class PhotonState:
         one_way: bool,
     ) -> Part:
         colours = self._photons.colours(source)
-        voxels = math.prod(self.scene.medium.sigma_t.shape)
+        voxels = math.prod(self._traced)
         return Part(
             source,
             np.zeros((voxels, self._moments, colours), np.int64),
@@ -143,12 +154,22 @@ class PhotonState:
                 if self.relative_error() <= error:
                     return
 
+    def _radius(self, index: int) -> float:
+        """Of a pass's kernel, world units; 0: track lengths."""
+        if not self._first_radius:
+            return 0.0
+        return photon_kernel.radius(self._first_radius, float(self.values["alpha"]), index)
+
+    def _inner[Scalar: np.generic](self, values: NDArray[Scalar]) -> NDArray[Scalar]:
+        return photon_kernel.inner(values, self.scene.medium.sigma_t.shape, self._margin)
+
     def _trace(self, index: int, part: Part, control: Control) -> None:
         self._photons.run(
             part.source, part.sums, part.squares,
             seed=(int(self.values["noise_seed"]) << 16) + index,
             pass_index=part.passes, photons=int(self.values["photons"]),
-            unscattered=part.unscattered is None, control=control.native,
+            unscattered=part.unscattered is None, radius=self._radius(part.passes),
+            control=control.native,
         )  # fmt: skip
         part.passes += 1
 
@@ -184,7 +205,7 @@ class PhotonState:
     def _moment(self, part: Part, moment: int) -> NDArray[np.float32]:
         """One moment at unit strength, [1 or 3, i, j, k], of what is not kept apart."""
         scale = part.scale / (int(self.values["photons"]) * part.passes)
-        scattered = part.sums[:, moment].T * scale
+        scattered = self._inner(part.sums[:, moment]).T * scale
         planes = scattered.reshape(-1, *self.scene.medium.sigma_t.shape).astype(np.float32)
         if part.unscattered is None or part.one_way:
             return planes
@@ -209,11 +230,13 @@ class PhotonState:
     def _variance(self) -> NDArray[np.float64]:
         """Squared standard error of the in-scattered radiance, [voxels, 1 or 3]."""
         grey = all(part.sums.shape[2] == 1 and np.ptp(part.strength) == 0 for part in self.parts)
-        total = np.zeros((len(self.parts[0].sums), 1 if grey else 3))
+        voxels = math.prod(self.scene.medium.sigma_t.shape)
+        total = np.zeros((voxels, 1 if grey else 3))
         for part in self.parts:
             count = part.passes
-            mean = part.sums[:, 0] / count
-            variance = np.maximum(part.squares / count - mean**2, 0) / (count - 1)
+            mean = self._inner(part.sums[:, 0]) / count
+            squares = self._inner(part.squares)
+            variance = np.maximum(squares / count - mean**2, 0) / (count - 1)
             scale = part.scale / int(self.values["photons"]) * part.strength[: total.shape[1]]
             total += variance * scale**2
         return total
@@ -254,7 +277,7 @@ class PhotonState:
         if int(stored.get("format", -1)) != STATE_FORMAT:
             raise bad(f"{path}", "another file", "a state that this version saved")
         if str(stored["inputs"]) != self._fingerprint():
-            raise bad(f"{path}'s inputs", "others", "this scene, photons and seed")
+            raise bad(f"{path}'s inputs", "others", "this scene, photons, seed and estimate")
         for index, part in enumerate(self.parts):
             part.sums, part.squares = stored[f"sums_{index}"], stored[f"squares_{index}"]
             part.passes = int(stored["passes"][index])
@@ -267,7 +290,10 @@ class PhotonState:
             if grid is not None:
                 digest.update(repr(grid.values.shape).encode() + grid.index_to_world.tobytes())
                 digest.update(grid.values)
-        settings = [self.values[name] for name in ("photons", "noise_seed")]
+        names = ["photons", "noise_seed", "estimate"]
+        if self._first_radius:
+            names += ["radius", "alpha"]
+        settings = [self.values[name] for name in names]
         digest.update(repr((medium.g, settings)).encode())
         for light in self.scene.lights:
             digest.update(light.kind.encode())

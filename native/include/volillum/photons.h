@@ -88,6 +88,10 @@ struct PhotonRun {
     // source, l <= 2.
     std::size_t moments = 1;
     bool unscattered = false;  // whether light that comes straight from the source counts too
+    // 0: track lengths in voxels. Otherwise the kernel estimate: possible collisions, real or null,
+    // within this distance (world units) of a voxel's centre, each over the majorant there.
+    double radius = 0.0;
+    bool deposits = true;  // false: only traces, to be timed
     int threads = 0;
     Control *control = nullptr;
 };
@@ -95,7 +99,10 @@ struct PhotonRun {
 class PhotonTracer {
 public:
     // `medium`'s planes stay the caller's and must outlive the tracer.
-    PhotonTracer(const double *index_to_world, const Size3 &shape, const PhotonMedium &medium);
+    // `least_majorant`: how many possible collisions a unit of length there are everywhere, also in
+    // the void; the kernel estimate needs some.
+    PhotonTracer(const double *index_to_world, const Size3 &shape, const PhotonMedium &medium,
+                 double least_majorant = 0.0);
     ~PhotonTracer();
 
     // Colours of the deposits: 1, or 3 where extinction, albedo or the source need them.

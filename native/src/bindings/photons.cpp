@@ -141,14 +141,17 @@ PhotonSource emission(const DoubleArray &values) {
 class Photons {
 public:
     Photons(const PlanesArray &sigma_t, const PlanesArray &sigma_s,
-            const DoubleArray &index_to_world, double g)
+            const DoubleArray &index_to_world, double g, double least_majorant)
         : sigma_t_(sigma_t), sigma_s_(sigma_s), shape_(grid_shape(sigma_t, "sigma_t")) {
         require_grid(sigma_s, "sigma_s", shape_);
         lattice(index_to_world);
         if (!(std::abs(g) < 1.0))
             fail("g is " + std::to_string(g) + "; expected more than -1 and less than 1");
+        if (!(least_majorant >= 0.0 && std::isfinite(least_majorant)))
+            fail("least_majorant is " + std::to_string(least_majorant) + "; expected 0 or more");
         tracer_ = std::make_unique<PhotonTracer>(
-            index_to_world.data(), shape_, PhotonMedium{planes(sigma_t_), planes(sigma_s_), g});
+            index_to_world.data(), shape_, PhotonMedium{planes(sigma_t_), planes(sigma_s_), g},
+            least_majorant);
     }
 
     std::size_t colours(const PhotonSource &source) const { return tracer_->colours(source); }
@@ -157,8 +160,8 @@ public:
     }
 
     nb::dict run(const PhotonSource &source, Sums sums, Squares squares, std::uint64_t seed,
-                 std::uint64_t pass, std::int64_t photons, bool unscattered, int threads,
-                 Control *control) {
+                 std::uint64_t pass, std::int64_t photons, bool unscattered, double radius,
+                 bool deposits, int threads, Control *control) {
         const std::size_t voxels = shape_[0] * shape_[1] * shape_[2], each = colours(source);
         const bool many = sums.ndim() == 3 && sums.shape(1) == 9;
         const std::size_t moments = many ? 9 : 1;
@@ -178,7 +181,11 @@ public:
         pass_of.pass = pass;
         pass_of.photons = std::size_t(photons);
         pass_of.moments = moments;
+        if (!(radius >= 0.0 && std::isfinite(radius)))
+            fail("radius is " + std::to_string(radius) + "; expected 0 or more");
         pass_of.unscattered = unscattered;
+        pass_of.radius = radius;
+        pass_of.deposits = deposits;
         pass_of.threads = threads;
         pass_of.control = control;
         PhotonTally tally;
@@ -256,22 +263,27 @@ side of `direction` with one radiance; strength: intensity on the axis.)")
     nb::class_<Photons>(module, "Photons", R"(Photon tracing in one medium.
 
 sigma_t, sigma_s: float32 [1 or 3, nx, ny, nz], kept, not copied; index_to_world: float64 [4, 4];
-g: mean cosine of the Henyey-Greenstein phase function.)")
-        .def(nb::init<const PlanesArray &, const PlanesArray &, const DoubleArray &, double>(),
-             "sigma_t"_a.noconvert(), "sigma_s"_a.noconvert(), "index_to_world"_a, "g"_a = 0.0)
+g: mean cosine of the Henyey-Greenstein phase function; least_majorant: possible collisions a unit
+of length, at least, also in the void, for the kernel estimate.)")
+        .def(nb::init<const PlanesArray &, const PlanesArray &, const DoubleArray &, double,
+                      double>(),
+             "sigma_t"_a.noconvert(), "sigma_s"_a.noconvert(), "index_to_world"_a, "g"_a = 0.0,
+             "least_majorant"_a = 0.0)
         .def("colours", &Photons::colours, "source"_a,
              "Colours of the deposits, 1 or 3: as few as medium and source allow.")
         .def("deposit_unit", &Photons::deposit_unit, "source"_a, "unscattered"_a = false,
              "In-scattered radiance of one unit of `sums`, times the number of photons.")
         .def("run", &Photons::run, "source"_a, "sums"_a.noconvert(), "squares"_a.noconvert(),
              nb::kw_only(), "seed"_a, "pass_index"_a, "photons"_a, "unscattered"_a = false,
-             "threads"_a = 0, "control"_a = nb::none(),
+             "radius"_a = 0.0, "deposits"_a = true, "threads"_a = 0, "control"_a = nb::none(),
              R"(Traces one pass and adds it to the sums, whole or (when cancelled) not at all.
 
 sums: int64 [voxels, 1 or 9, colours], the track lengths of each voxel's box, times sqrt(4 pi) Y_lm
 of the directions to the source (l <= 2) where there are 9; squares: float64 [voxels, colours], the
 squares of each pass's first. `seed` and `pass_index` choose the random numbers. `unscattered`:
-light that comes straight from the source counts too.
+light that comes straight from the source counts too. `radius`: 0, or that of the kernel estimate
+(world units): possible collisions within it of a voxel's centre, over the ball's volume and the
+majorant. `deposits` False: only traces, to be timed.
 Returns exact integers of power for each colour, in units of `power_unit` over `photons`: emitted =
 missed + absorbed + roulette + sum of escaped (through the low and high face of each index axis).)");
 

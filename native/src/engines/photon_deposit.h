@@ -91,4 +91,35 @@ VOLILLUM_INLINE void walk_boxes(const PhotonField &field, const Flight &flight, 
     }
 }
 
+// The kernel: a ball about a point, in voxels of any shape.
+struct Ball {
+    float radius2, reach[3];  // squared, world units; half extent in q
+    float columns[3][3];      // world vectors of the index axes
+
+    // Calls visit(voxel) for every voxel whose centre is in the ball about q.
+    template <class Visit>
+    void visit(const PhotonField &field, const float *q, Visit &&visit) const {
+        int low[3], high[3];
+        for (int a = 0; a < 3; ++a) {
+            low[a] = std::max(int(std::ceil(q[a] - 1.0f - reach[a])), 0);
+            high[a] = std::min(int(std::floor(q[a] - 1.0f + reach[a])), field.shape[a] - 1);
+        }
+        for (int i = low[0]; i <= high[0]; ++i)
+            for (int j = low[1]; j <= high[1]; ++j)
+                for (int k = low[2]; k <= high[2]; ++k) {
+                    const float d[3] = {float(i) + 1.0f - q[0], float(j) + 1.0f - q[1],
+                                        float(k) + 1.0f - q[2]};
+                    float squared = 0.0f;
+                    for (int a = 0; a < 3; ++a) {
+                        const float x =
+                            d[0] * columns[0][a] + d[1] * columns[1][a] + d[2] * columns[2][a];
+                        squared += x * x;
+                    }
+                    if (squared <= radius2)
+                        visit(std::size_t(i) * field.stride[0] + std::size_t(j) * field.stride[1] +
+                              std::size_t(k));
+                }
+    }
+};
+
 }  // namespace volillum

@@ -23,7 +23,7 @@ constexpr int kHalvings = 20;
 
 }  // namespace
 
-PhotonField::PhotonField(const PhotonGeometry &geometry, const PhotonMedium &medium)
+PhotonField::PhotonField(const PhotonGeometry &geometry, const PhotonMedium &medium, float least)
     : stride{geometry.shape[1] * geometry.shape[2], geometry.shape[2]},
       voxels(geometry.shape[0] * geometry.shape[1] * geometry.shape[2]),
       sigma_t(medium.sigma_t.values),
@@ -31,7 +31,8 @@ PhotonField::PhotonField(const PhotonGeometry &geometry, const PhotonMedium &med
       channels_t(medium.sigma_t.channels),
       channels_s(medium.sigma_s.channels),
       g(float(medium.g)),
-      empty(true) {
+      empty(true),
+      floor(least) {
     double longest = 0.0;
     for (std::size_t a = 0; a < 3; ++a) {
         longest = std::max(longest, length(geometry.columns[a]));
@@ -40,7 +41,7 @@ PhotonField::PhotonField(const PhotonGeometry &geometry, const PhotonMedium &med
     }
     dense = many / float(block * longest);
     majorants.assign(std::size_t(blocks[0]) * std::size_t(blocks[1]) * std::size_t(blocks[2]),
-                     0.0f);
+                     floor);
     std::array<int, 3> low = shape, high = {-1, -1, -1};
     for (std::size_t c = 0; c < channels_t; ++c)
         for (int i = 0; i < shape[0]; ++i)
@@ -97,7 +98,7 @@ bool PhotonField::walk_dense(const float *q, const float *step, const float *inv
             leave[0] < leave[1] ? (leave[0] < leave[2] ? 0 : 2) : (leave[1] < leave[2] ? 1 : 2);
         const float end = std::max(t, std::min(leave[axis], far));
         // Cell c has the voxels c - 1 and c as corners.
-        float corners[8], most = 0.0f;
+        float corners[8], most = floor;
         for (int i = 0; i < 8; ++i) {
             corners[i] =
                 largest(cell[0] - 1 + (i >> 2), cell[1] - 1 + (i >> 1 & 1), cell[2] - 1 + (i & 1));
@@ -108,7 +109,7 @@ bool PhotonField::walk_dense(const float *q, const float *step, const float *inv
             for (int halving = 0; halving < kHalvings; ++halving) {
                 // An interpolant's extremes over a box are at the box's corners.
                 float low = most, f[2][3];
-                high = 0.0f;
+                high = floor;
                 for (int a = 0; a < 3; ++a)
                     for (int side = 0; side < 2; ++side) {
                         const float at = q[a] + (t + float(side) * h) * step[a] - float(cell[a]);

@@ -11,15 +11,17 @@ namespace volillum {
 // eight.
 struct PhotonField {
     // Cells along a side of a macrocell.
-    static constexpr int block = 8;
+    static constexpr int block = 4;
 
     // Possible collisions across a macrocell beyond which it is walked cell by cell.
-    static constexpr float many = 64.0f;
+    static constexpr float many = 32.0f;
 
-    PhotonField(const PhotonGeometry &geometry, const PhotonMedium &medium);
+    // `floor`: majorants are at least this, also in the void, so that possible collisions tell of
+    // the light there too.
+    PhotonField(const PhotonGeometry &geometry, const PhotonMedium &medium, float floor = 0.0f);
 
     // Where most possible collisions in void or thin parts beside opaque voxels would be null.
-    bool is_dense(float majorant) const { return majorant > dense; }
+    VOLILLUM_INLINE bool is_dense(float majorant) const { return majorant > dense; }
 
     // Flies from q through [0, far] of one macrocell until the optical depth `depth` (lowered by
     // what was flown) under majorants of single cells, or of parts of them where the interpolant
@@ -39,7 +41,7 @@ struct PhotonField {
     std::vector<float> majorants;  // [blocks], over all channels
     Box box;                       // what holds all extinction
     bool empty;                    // there is none
-    float dense;
+    float dense, floor;
 
 private:
     float largest(int i, int j, int k) const;

@@ -1,6 +1,7 @@
 // Random numbers and elementary functions of the photon engine, inlined into its kernels.
 #pragma once
 
+#include <array>
 #include <bit>
 #include <cmath>
 #include <cstdint>
@@ -9,24 +10,43 @@
 
 namespace volillum {
 
-__extension__ using Wide = unsigned __int128;
-
 // One stream a photon, started from a hash of what the photon is, so that results depend on no
-// thread. The generator is wyrand (Wang Yi, public domain): a Weyl sequence through one 128-bit
-// product; it passes BigCrush and PractRand.
+// thread. The generator is xoshiro128++ (Blackman and Vigna 2021, public domain; it passes BigCrush
+// and PractRand): its 32-bit steps are also those of vector code, one photon a lane.
 class Random {
 public:
-    VOLILLUM_INLINE Random() = default;
-    VOLILLUM_INLINE Random(std::uint64_t key, std::uint64_t number)
-        : state_(mix(key + number * 0x9e3779b97f4a7c15u)) {}
+    using State = std::array<std::uint32_t, 4>;
 
-    VOLILLUM_INLINE std::uint64_t next() {
-        state_ += 0xa0761d6478bd642fu;
-        const Wide product = Wide(state_) * (state_ ^ 0xe7037ed1a0b428dbu);
-        return std::uint64_t(product >> 64) ^ std::uint64_t(product);
+    VOLILLUM_INLINE Random() = default;
+    VOLILLUM_INLINE explicit Random(const State &state) : state_(state) {}
+    VOLILLUM_INLINE Random(std::uint64_t key, std::uint64_t number) {
+        const std::uint64_t low = mix(key + number * kWeyl), high = mix(low + kWeyl);
+        state_ = {std::uint32_t(low), std::uint32_t(low >> 32), std::uint32_t(high),
+                  std::uint32_t(high >> 32)};
     }
-    // Uniform in [0, 1).
-    VOLILLUM_INLINE double unit() { return double(next() >> 11) * 0x1p-53; }
+    VOLILLUM_INLINE const State &state() const { return state_; }
+
+    VOLILLUM_INLINE std::uint32_t next() {
+        return step(state_[0], state_[1], state_[2], state_[3]);
+    }
+    // Uniform in [0, 1), 53 bits.
+    VOLILLUM_INLINE double unit() {
+        const std::uint64_t high = next();
+        return double((high << 32 | next()) >> 11) * 0x1p-53;
+    }
+
+    // The generator's step, of one state or of a vector of them.
+    template <class Word>
+    static VOLILLUM_INLINE Word step(Word &a, Word &b, Word &c, Word &d) {
+        const Word sum = a + d, result = (sum << 7 | sum >> 25) + a, shifted = b << 9;
+        c ^= a;
+        d ^= b;
+        b ^= c;
+        a ^= d;
+        c ^= shifted;
+        d = d << 11 | d >> 21;
+        return result;
+    }
 
     // The finaliser of splitmix64.
     static VOLILLUM_INLINE std::uint64_t mix(std::uint64_t z) {
@@ -36,39 +56,13 @@ public:
     }
 
 private:
-    std::uint64_t state_ = 0;
+    static constexpr std::uint64_t kWeyl = 0x9e3779b97f4a7c15u;
+    State state_{};
 };
 
-// The high and low half of one random word as uniforms in [0, 1), 24 bits each.
-VOLILLUM_INLINE float high_unit(std::uint64_t word) {
-    return float(word >> 40) * 0x1p-24f;
-}
-VOLILLUM_INLINE float low_unit(std::uint64_t word) {
-    return float(std::uint32_t(word) >> 8) * 0x1p-24f;
-}
-
-// -log of a uniform in (0, 1] made of 32 random bits: an exponential variate up to 22.9, relative
-// error 1e-6. Polynomial as in Cephes' logf (S. Moshier).
-VOLILLUM_INLINE float exponential(std::uint32_t bits) {
-    const float u = float(bits) + 0.5f;  // times 2^-32
-    const std::int32_t raw = std::bit_cast<std::int32_t>(u);
-    // Mantissa in [sqrt(1/2), sqrt(2)).
-    const std::int32_t shifted = raw - 0x3f3504f3;
-    const std::int32_t exponent = shifted >> 23;
-    const float m = std::bit_cast<float>((shifted & 0x007fffff) + 0x3f3504f3) - 1.0f;
-    float p = 7.0376836292e-2f;
-    p = p * m - 1.1514610310e-1f;
-    p = p * m + 1.1676998740e-1f;
-    p = p * m - 1.2420140846e-1f;
-    p = p * m + 1.4249322787e-1f;
-    p = p * m - 1.6668057665e-1f;
-    p = p * m + 2.0000714765e-1f;
-    p = p * m - 2.4999993993e-1f;
-    p = p * m + 3.3333331174e-1f;
-    const float squared = m * m;
-    const float log_m = m + squared * (m * p - 0.5f);
-    const float result = float(32 - exponent) * 0.693147180559945f - log_m;
-    return result > 0.0f ? result : 0.0f;
+// A random word as a uniform in [0, 1), 24 bits.
+VOLILLUM_INLINE float unit_of(std::uint32_t word) {
+    return float(std::int32_t(word >> 8)) * 0x1p-24f;
 }
 
 // Sine and cosine of 2 pi turn, turn in [0, 1]; error below 1e-6.

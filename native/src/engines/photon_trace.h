@@ -1,7 +1,8 @@
-// One photon's life: delta tracking, scattering, roulette.
+// One photon's life: birth, collisions, scattering, roulette, deposits.
 #pragma once
 
 #include "photon_deposit.h"
+#include "photon_flights.h"
 
 namespace volillum {
 
@@ -12,6 +13,9 @@ struct TraceContext {
     std::uint64_t key;    // of this pass's random streams
     bool unscattered;     // also the first flight is deposited
     float inverse[3][3];  // world to index, linear part
+    bool tracks, points;  // what is deposited: track lengths, or possible collisions in balls
+    Ball ball;
+    float ball_scale;  // a deposit's units of weight 1 at majorant 1
 };
 
 struct TraceResult {
@@ -24,8 +28,8 @@ struct TraceResult {
 // paths.
 constexpr float kRouletteShare = 1.0f;
 
-// Photons in flight at a time: while one waits for its voxel the others go on.
-constexpr int kFlights = 8;
+// Vectors of photons in flight at a time: while one waits for its voxels the others go on.
+constexpr int kVectors = 4;
 
 constexpr double kTallyUnit = 0x1p32;
 
@@ -39,195 +43,222 @@ public:
 
     // Photons [first, last) of the pass.
     VOLILLUM_INLINE void trace(std::uint64_t first, std::uint64_t last) {
-        Lane lanes[kFlights];
-        int alive = 0;
-        for (int k = 0; k < kFlights; ++k) {
-            lanes[alive].alive = start(lanes[alive], first, last);
-            if (lanes[alive].alive) ++alive;
-        }
-        while (alive > 0)
-            for (int k = 0; k < alive;) {
-                Lane &lane = lanes[k];
-                if ((collide(lane) && advance(lane)) || start(lane, first, last))
-                    ++k;
-                else
-                    lane = lanes[--alive];
+        Vector vectors[kVectors];
+        for (Vector &some : vectors)
+            for (int l = 0; l < Flights::width; ++l)
+                some.live |= std::uint32_t(start(some, l, first, last)) << l;
+        bool alive = true;
+        while (alive) {
+            alive = false;
+            for (Vector &some : vectors) {
+                std::uint32_t events =
+                    some.flights.events(!Chromatic && !context_.points) & some.live;
+                for (; events; events &= events - 1) {
+                    const int l = std::countr_zero(events);
+                    if (!go_on(some, l) && !start(some, l, first, last)) some.live &= ~(1u << l);
+                }
+                if (!some.live) continue;
+                some.flights.fly(field_);
+                alive = true;
             }
+        }
     }
 
 private:
-    struct Lane {
-        Random random;
+    // What of a photon the vector code does not need.
+    struct Photon {
         Flight flight;
-        float q[3], direction[3];
-        float travelled;  // since flight.start, world units
-        float majorant, accept;
+        float direction[3];
         float weight[Colours], density[3];  // density: path densities of the channels, mean 1
         float full;                         // what roulette restores
-        std::size_t corner;
-        int cell[3];
         int hero;
-        bool outside, interpolated, deposits, alive;
+        bool deposits;
+    };
+    struct Vector {
+        Flights flights{};
+        Photon photons[Flights::width];
+        std::uint32_t live = 0;
+    };
+    // One of them.
+    struct Lane {
+        Flights &flights;
+        Photon &photon;
+        int at;
+        Random random;  // written back at the end
+
+        VOLILLUM_INLINE Lane(Vector &vector, int lane, const Random &stream)
+            : flights(vector.flights), photon(vector.photons[lane]), at(lane), random(stream) {}
+        VOLILLUM_INLINE Lane(Vector &vector, int lane)
+            : Lane(vector, lane, vector.flights.random_of(lane)) {}
+        VOLILLUM_INLINE ~Lane() { flights.set_random(at, random); }
     };
 
-    // The next photon that meets a macrocell with matter; false when none is left.
-    VOLILLUM_INLINE bool start(Lane &lane, std::uint64_t &first, std::uint64_t last) {
+    // The next photon that meets the grid; false when none is left.
+    VOLILLUM_INLINE bool start(Vector &vector, int at, std::uint64_t &first, std::uint64_t last) {
         while (first < last) {
-            lane.random = Random(context_.key, first++);
+            Lane lane(vector, at, Random(context_.key, first++));
+            Photon &photon = lane.photon;
             Birth birth;
             const bool enters = context_.emitter->emit(lane.random, birth);
             float full = 0.0f;
             for (int c = 0; c < Colours; ++c) {
-                lane.weight[c] = birth.weight[c];
+                photon.weight[c] = birth.weight[c];
                 full = std::max(full, birth.weight[c]);
                 result_.tally.emitted[c] += fixed(birth.weight[c]);
                 if (!enters) result_.tally.missed[c] += fixed(birth.weight[c]);
             }
             if (!enters) continue;
-            lane.full = full;
-            lane.deposits = context_.unscattered;
+            photon.full = full;
+            photon.deposits = context_.unscattered;
             if constexpr (Chromatic) {
-                lane.hero = std::min(int(3.0f * high_unit(lane.random.next())), 2);
-                for (float &density : lane.density) density = 1.0f;
+                photon.hero = std::min(int(3.0f * unit_of(lane.random.next())), 2);
+                for (float &density : photon.density) density = 1.0f;
             }
             for (int a = 0; a < 3; ++a) {
-                lane.q[a] = float(birth.position[a]);
-                lane.direction[a] = birth.direction[a];
-                lane.cell[a] = std::min(std::max(int(lane.q[a]) / PhotonField::block, 0),
-                                        field_.blocks[a] - 1);
+                const float q = float(birth.position[a]);
+                lane.flights.q[a][at] = q;
+                lane.flights.cell[a][at] =
+                    std::min(std::max(int(q) / PhotonField::block, 0), field_.blocks[a] - 1);
+                photon.direction[a] = birth.direction[a];
             }
+            lane.flights.depth[at] = exponential(lane.random.next());
+            lane.flights.state[at] = Flights::flying;
             take_off(lane);
-            if (advance(lane)) return true;
+            return true;
         }
         return false;
     }
 
     // A flight begins at q.
     VOLILLUM_INLINE void take_off(Lane &lane) {
+        Photon &photon = lane.photon;
         float largest = 0.0f;
         for (int a = 0; a < 3; ++a) {
             const float *row = context_.inverse[a];
-            const float step = row[0] * lane.direction[0] + row[1] * lane.direction[1] +
-                               row[2] * lane.direction[2];
-            lane.flight.step[a] = step;
+            const float step = row[0] * photon.direction[0] + row[1] * photon.direction[1] +
+                               row[2] * photon.direction[2];
+            photon.flight.step[a] = step;
             largest = std::max(largest, std::abs(step));
         }
         // A flight is never quite parallel to a plane: it would need cases of its own.
         const float least = 1e-8f * largest;
         for (int a = 0; a < 3; ++a) {
-            float &step = lane.flight.step[a];
+            float &step = photon.flight.step[a];
             if (std::abs(step) < least) step = step < 0.0f ? -least : least;
-            lane.flight.inverse[a] = 1.0f / step;
-            lane.flight.start[a] = lane.q[a];
+            photon.flight.inverse[a] = 1.0f / step;
+            lane.flights.step[a][lane.at] = step;
+            lane.flights.inverse[a][lane.at] = photon.flight.inverse[a];
         }
-        lane.travelled = 0.0f;
+        begin_here(lane);
     }
 
-    // Flies to the next possible collision; false when the photon has left.
-    VOLILLUM_INLINE bool advance(Lane &lane) {
-        const std::uint64_t word = lane.random.next();
-        float depth = exponential(std::uint32_t(word >> 32));
-        lane.accept = low_unit(word);
-        constexpr float block = float(PhotonField::block);
+    VOLILLUM_INLINE void begin_here(Lane &lane) {
+        for (int a = 0; a < 3; ++a) lane.photon.flight.start[a] = lane.flights.q[a][lane.at];
+        lane.flights.travelled[lane.at] = 0.0f;
+    }
+
+    // What happened to a lane; false when the photon ends there.
+    VOLILLUM_INLINE bool go_on(Vector &vector, int at) {
+        Lane lane(vector, at);
+        switch (lane.flights.state[at]) {
+            case Flights::possible:
+                return arrive(lane);
+            case Flights::outside:
+                escape(lane);
+                return false;
+            default:
+                return walk(lane);
+        }
+    }
+
+    VOLILLUM_INLINE void escape(const Lane &lane) {
+        for (int a = 0; a < 3; ++a) {
+            const int cell = lane.flights.cell[a][lane.at];
+            if (cell >= 0 && cell < field_.blocks[a]) continue;
+            const auto face = std::size_t(2 * a + (cell < 0 ? 0 : 1));
+            for (int c = 0; c < Colours; ++c)
+                result_.tally.escaped[face][c] += fixed(lane.photon.weight[c]);
+        }
+        deposit(lane, std::numeric_limits<float>::infinity());
+    }
+
+    // A possible collision: the medium there is the voxel that stands for it.
+    VOLILLUM_INLINE bool arrive(Lane &lane) {
+        const int at = lane.at;
+        float sigma_t[3] = {lane.flights.value[at], 0.0f, 0.0f}, sigma_s[3] = {0.0f, 0.0f, 0.0f};
+        if (lane.flights.corner[0][at] >= 0) {
+            const std::size_t voxel = lane.flights.voxel(field_, at);
+            for (std::size_t c = 1; c < (Chromatic ? 3u : 1u); ++c)
+                sigma_t[c] = field_.sigma_t[c * field_.voxels + voxel];
+            for (std::size_t c = 0; c < Colours; ++c)
+                sigma_s[c] =
+                    field_.sigma_s[(field_.channels_s == 3 ? c * field_.voxels : 0) + voxel];
+        }
+        spread(lane);
+        return collide(lane, sigma_t, sigma_s);
+    }
+
+    // Through macrocells where the medium is so dense and uneven that cells are walked one by one.
+    [[gnu::noinline]] bool walk(Lane &lane) {
+        Flights &flights = lane.flights;
+        const int at = lane.at;
+        constexpr int block = PhotonField::block;
+        flights.state[at] = Flights::flying;
         for (;;) {
-            const float majorant = field_.majorants[std::size_t(
-                (lane.cell[0] * field_.blocks[1] + lane.cell[1]) * field_.blocks[2] +
-                lane.cell[2])];
-            float plane[3], exit[3];
+            int cell[3];
+            float q[3], plane[3], exit[3];
+            const float *step = lane.photon.flight.step, *inverse = lane.photon.flight.inverse;
             for (int a = 0; a < 3; ++a) {
-                const bool up = lane.flight.step[a] > 0.0f;
-                plane[a] = block * float(lane.cell[a] + (up ? 1 : 0));
-                exit[a] = (plane[a] - lane.q[a]) * lane.flight.inverse[a];
+                cell[a] = flights.cell[a][at];
+                q[a] = flights.q[a][at];
+                plane[a] = float(block * (cell[a] + (step[a] > 0.0f ? 1 : 0)));
+                exit[a] = (plane[a] - q[a]) * inverse[a];
             }
+            if (!field_.is_dense(field_.majorants[std::size_t(
+                    (cell[0] * field_.blocks[1] + cell[1]) * field_.blocks[2] + cell[2])]))
+                return true;
             const int axis =
                 exit[0] < exit[1] ? (exit[0] < exit[2] ? 0 : 2) : (exit[1] < exit[2] ? 1 : 2);
             const float far = std::max(exit[axis], 0.0f);
-            lane.interpolated = field_.is_dense(majorant);
-            if (lane.interpolated) {
-                float way;
-                if (field_.walk_dense(lane.q, lane.flight.step, lane.flight.inverse, far, depth,
-                                      way, lane.majorant)) {
-                    lane.travelled += way;
-                    for (int a = 0; a < 3; ++a) lane.q[a] += way * lane.flight.step[a];
-                    return true;
-                }
-            } else if (depth < majorant * far) {
-                const float way = depth / majorant;
-                lane.travelled += way;
-                for (int a = 0; a < 3; ++a) lane.q[a] += way * lane.flight.step[a];
-                lane.majorant = majorant;
-                look_ahead(lane);
-                return true;
+            float way = far;
+            float depth = flights.depth[at], majorant = 0.0f;
+            const bool possible = field_.walk_dense(q, step, inverse, far, depth, way, majorant);
+            flights.depth[at] = depth;
+            flights.majorant[at] = majorant;
+            flights.travelled[at] += way;
+            for (int a = 0; a < 3; ++a) flights.q[a][at] += way * step[a];
+            if (possible) {
+                float sigma_t[3], sigma_s[3];
+                for (int a = 0; a < 3; ++a) q[a] = flights.q[a][at];
+                field_.interpolate(q, sigma_t, sigma_s);
+                flights.accept[at] = unit_of(lane.random.next());
+                flights.depth[at] = exponential(lane.random.next());
+                spread(lane);
+                if (!collide(lane, sigma_t, sigma_s)) return false;
+                continue;
             }
-            if (!lane.interpolated) depth -= majorant * far;
-            lane.travelled += far;
-            for (int a = 0; a < 3; ++a) lane.q[a] += far * lane.flight.step[a];
-            lane.q[axis] = plane[axis];
-            const bool up = lane.flight.step[axis] > 0.0f;
-            lane.cell[axis] += up ? 1 : -1;
-            if (lane.cell[axis] < 0 || lane.cell[axis] >= field_.blocks[axis]) {
-                for (int c = 0; c < Colours; ++c)
-                    result_.tally.escaped[std::size_t(2 * axis + (up ? 1 : 0))][c] +=
-                        fixed(lane.weight[c]);
-                deposit(lane, std::numeric_limits<float>::infinity());
+            flights.q[axis][at] = plane[axis];
+            const int next = cell[axis] + (step[axis] > 0.0f ? 1 : -1);
+            flights.cell[axis][at] = next;
+            if (next < 0 || next >= field_.blocks[axis]) {
+                escape(lane);
                 return false;
             }
         }
     }
 
-    // Chooses the corner whose value stands for the interpolated one, and asks for its memory.
-    VOLILLUM_INLINE void look_ahead(Lane &lane) {
-        const std::uint64_t word = lane.random.next();
-        constexpr std::uint64_t mask = (1u << 21) - 1;
-        lane.corner = 0;
-        lane.outside = false;
-        for (int a = 0; a < 3; ++a) {
-            const float jitter = float((word >> (21 * a)) & mask) * 0x1p-21f;
-            // Inside the macrocell's corners, whatever rounding did to q: its majorant holds there.
-            const int low = lane.cell[a] * PhotonField::block;
-            const int corner =
-                std::min(std::max(int(lane.q[a] + jitter), low), low + PhotonField::block) - 1;
-            lane.outside = lane.outside || corner < 0 || corner >= field_.shape[a];
-            lane.corner += std::size_t(corner) * (a == 0   ? field_.stride[0]
-                                                  : a == 1 ? field_.stride[1]
-                                                           : 1);
-        }
-        if (!lane.outside) __builtin_prefetch(field_.sigma_t + lane.corner);
-    }
-
-    // The medium at the possible collision: the corner that stands for it, or where cells were
-    // walked the interpolated value.
-    VOLILLUM_INLINE void look_up(const Lane &lane, float *sigma_t, float *sigma_s) const {
-        if (lane.interpolated) {
-            field_.interpolate(lane.q, sigma_t, sigma_s);
-            return;
-        }
-        constexpr std::size_t colours_t = Chromatic ? 3 : 1;
-        if (lane.outside) {
-            for (std::size_t c = 0; c < 3; ++c) sigma_t[c] = sigma_s[c] = 0.0f;
-            return;
-        }
-        for (std::size_t c = 0; c < colours_t; ++c)
-            sigma_t[c] = field_.sigma_t[c * field_.voxels + lane.corner];
-        // Not looked up where the collision turns out null anyway.
-        if (!Chromatic && !(lane.accept * lane.majorant < sigma_t[0])) return;
-        for (std::size_t c = 0; c < Colours; ++c)
-            sigma_s[c] =
-                field_.sigma_s[(field_.channels_s == 3 ? c * field_.voxels : 0) + lane.corner];
-    }
-
     // What happens at the possible collision; false when the photon ends there.
-    VOLILLUM_INLINE bool collide(Lane &lane) {
-        float sigma_t[3], sigma_s[3];
-        look_up(lane, sigma_t, sigma_s);
+    VOLILLUM_INLINE bool collide(Lane &lane, const float *sigma_t, const float *sigma_s) {
         if constexpr (Chromatic) return collide_chromatic(lane, sigma_t, sigma_s);
-        if (!(lane.accept * lane.majorant < sigma_t[0])) return true;
-        deposit(lane, lane.travelled);
+        const int at = lane.at;
+        if (!(lane.flights.accept[at] * lane.flights.majorant[at] < sigma_t[0])) return true;
+        deposit(lane, lane.flights.travelled[at]);
+        Photon &photon = lane.photon;
         float before[Colours];
         for (int c = 0; c < Colours; ++c) {
-            before[c] = lane.weight[c];
-            lane.weight[c] *= std::min(sigma_s[c] / sigma_t[0], 1.0f);
-            result_.tally.absorbed[c] += fixed(before[c]) - fixed(lane.weight[c]);
+            before[c] = photon.weight[c];
+            photon.weight[c] *= std::min(sigma_s[c] / sigma_t[0], 1.0f);
+            result_.tally.absorbed[c] += fixed(before[c]) - fixed(photon.weight[c]);
         }
         return scatter(lane);
     }
@@ -236,80 +267,101 @@ private:
     // its own path's measure over the mean density of all three channels. Majorants are shared, so
     // flights between possible collisions have one density, and a weight never passes 3.
     VOLILLUM_INLINE bool collide_chromatic(Lane &lane, const float *sigma_t, const float *sigma_s) {
-        const float over = 1.0f / lane.majorant;
+        Photon &photon = lane.photon;
+        const float over = 1.0f / lane.flights.majorant[lane.at];
         float chance[3];
         for (std::size_t c = 0; c < 3; ++c) chance[c] = std::min(sigma_t[c] * over, 1.0f);
-        const bool real = lane.accept < chance[lane.hero];
+        const bool real = lane.flights.accept[lane.at] < chance[photon.hero];
         // The weights of the flight so far end here, also where the collision is null.
-        deposit(lane, lane.travelled);
+        deposit(lane, lane.flights.travelled[lane.at]);
         float mean = 0.0f, measure[3];
         for (std::size_t c = 0; c < 3; ++c) {
             const float null = 1.0f - chance[c];
             measure[c] = null;
             if (real) measure[c] = std::min(sigma_s[c] * over, chance[c]);
-            lane.density[c] *= real ? chance[c] : null;
-            mean += lane.density[c] * (1.0f / 3.0f);
+            photon.density[c] *= real ? chance[c] : null;
+            mean += photon.density[c] * (1.0f / 3.0f);
         }
         for (std::size_t c = 0; c < 3; ++c) {
-            const float before = lane.weight[c], density = lane.density[c] / mean;
+            const float before = photon.weight[c], density = photon.density[c] / mean;
             const float weight = before * (measure[c] / mean);
             // Real collisions absorb; the rest is the exchange between channels.
             const float share = real && chance[c] > 0.0f ? measure[c] / chance[c] : 1.0f;
             const float arrived = share > 0.0f ? weight / share : before;
-            lane.density[c] = density;
-            lane.weight[c] = weight;
+            photon.density[c] = density;
+            photon.weight[c] = weight;
             result_.tally.absorbed[c] += fixed(arrived) - fixed(weight);
             result_.tally.roulette[c] += fixed(before) - fixed(arrived);
         }
         if (real) return scatter(lane);
-        for (int a = 0; a < 3; ++a) lane.flight.start[a] = lane.q[a];
-        lane.travelled = 0.0f;
+        begin_here(lane);
         return true;
     }
 
     VOLILLUM_INLINE bool scatter(Lane &lane) {
         ++result_.tally.scatterings;
+        Photon &photon = lane.photon;
         float most = 0.0f;
-        for (int c = 0; c < Colours; ++c) most = std::max(most, lane.weight[c]);
-        const float level = kRouletteShare * lane.full;
+        for (int c = 0; c < Colours; ++c) most = std::max(most, photon.weight[c]);
+        const float level = kRouletteShare * photon.full;
         if (most < level) {
-            const bool dies = !(high_unit(lane.random.next()) * level < most);
+            const bool dies = !(unit_of(lane.random.next()) * level < most);
             const float gain = dies ? 0.0f : level / most;
             for (int c = 0; c < Colours; ++c) {
-                const float before = lane.weight[c];
-                lane.weight[c] *= gain;
-                result_.tally.roulette[c] += fixed(before) - fixed(lane.weight[c]);
+                const float before = photon.weight[c];
+                photon.weight[c] *= gain;
+                result_.tally.roulette[c] += fixed(before) - fixed(photon.weight[c]);
             }
             if (dies) return false;
         }
-        const std::uint64_t word = lane.random.next();
+        const float first = unit_of(lane.random.next()), second = unit_of(lane.random.next());
         if (field_.g == 0.0f)
-            uniform_direction(lane.direction, high_unit(word), low_unit(word));
+            uniform_direction(photon.direction, first, second);
         else
-            turn_direction(lane.direction, henyey_greenstein_cosine(field_.g, high_unit(word)),
-                           low_unit(word));
+            turn_direction(photon.direction, henyey_greenstein_cosine(field_.g, first), second);
         take_off(lane);
-        lane.deposits = true;
+        photon.deposits = true;
         return true;
     }
 
     VOLILLUM_INLINE void deposit(const Lane &lane, float end) {
-        if (!lane.deposits) return;
+        const Photon &photon = lane.photon;
+        if (!photon.deposits || !context_.tracks) return;
         float values[Moments * Colours];
-        for (int c = 0; c < Colours; ++c) values[c] = scale_ * lane.weight[c];
-        if constexpr (Moments > 1) {
-            float basis[Moments];
-            // Toward the source: against the flight.
-            harmonics(-lane.direction[0], -lane.direction[1], -lane.direction[2], basis);
-            for (int m = Moments - 1; m >= 0; --m)
-                for (int c = 0; c < Colours; ++c)
-                    values[m * Colours + c] = basis[m] * (scale_ * lane.weight[c]);
-        }
+        weigh(photon, scale_, values);
         Deposits &deposits = *result_.deposits;
-        walk_boxes(field_, lane.flight, end, [&](std::size_t voxel, float length) {
+        walk_boxes(field_, photon.flight, end, [&](std::size_t voxel, float length) {
             const std::size_t index = voxel * (Moments * Colours);
             for (std::size_t i = 0; i < Moments * Colours; ++i)
                 deposits.add(index + i, values[i] * length);
+        });
+    }
+
+    // What the photon brings to each moment and colour, times `scale`.
+    VOLILLUM_INLINE void weigh(const Photon &photon, float scale, float *values) {
+        for (int c = 0; c < Colours; ++c) values[c] = scale * photon.weight[c];
+        if constexpr (Moments > 1) {
+            float basis[Moments];
+            // Toward the source: against the flight.
+            harmonics(-photon.direction[0], -photon.direction[1], -photon.direction[2], basis);
+            for (int m = Moments - 1; m >= 0; --m)
+                for (int c = 0; c < Colours; ++c)
+                    values[m * Colours + c] = basis[m] * (scale * photon.weight[c]);
+        }
+    }
+
+    // A possible collision stands for the light of 1 / majorant of path. Units are whole: they are
+    // dithered, as one majorant's deposits are all alike.
+    VOLILLUM_INLINE void spread(Lane &lane) {
+        if (!context_.points || !lane.photon.deposits) return;
+        float values[Moments * Colours], q[3];
+        weigh(lane.photon, context_.ball_scale / lane.flights.majorant[lane.at], values);
+        for (int a = 0; a < 3; ++a) q[a] = lane.flights.q[a][lane.at];
+        const float dither = unit_of(lane.random.next()) - 0.5f;
+        context_.ball.visit(field_, q, [&](std::size_t voxel) {
+            const std::size_t index = voxel * (Moments * Colours);
+            for (std::size_t i = 0; i < Moments * Colours; ++i)
+                result_.deposits->add(index + i, values[i] + dither);
         });
     }
 

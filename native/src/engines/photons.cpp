@@ -99,12 +99,24 @@ struct PhotonTracer::Impl {
     float inverse[3][3];
     std::vector<Deposits> buffers;
 
-    Impl(const double *index_to_world, const Size3 &shape, const PhotonMedium &medium)
-        : geometry(index_to_world, shape), field(geometry, medium) {
+    Impl(const double *index_to_world, const Size3 &shape, const PhotonMedium &medium, double floor)
+        : geometry(index_to_world, shape), field(geometry, medium, float(floor)) {
         const Matrix3 linear = inverse_linear(index_to_world);
         for (std::size_t row = 0; row < 3; ++row)
             for (std::size_t column = 0; column < 3; ++column)
                 inverse[row][column] = float(linear[row][column]);
+    }
+
+    void set_kernel(double radius, TraceContext &context) const {
+        const double volume = 4.0 / 3.0 * M_PI * radius * radius * radius;
+        context.ball_scale = float(double(Deposits::unit) / geometry.voxel_diagonal *
+                                   geometry.voxel_volume / volume);
+        Ball &ball = context.ball;
+        ball.radius2 = float(radius * radius);
+        for (std::size_t a = 0; a < 3; ++a) {
+            ball.reach[a] = float(radius) * std::hypot(inverse[a][0], inverse[a][1], inverse[a][2]);
+            for (std::size_t c = 0; c < 3; ++c) ball.columns[a][c] = float(geometry.columns[a][c]);
+        }
     }
 
     // Light that is deposited before it meets matter must cross the whole lattice.
@@ -135,8 +147,8 @@ struct PhotonTracer::Impl {
 };
 
 PhotonTracer::PhotonTracer(const double *index_to_world, const Size3 &shape,
-                           const PhotonMedium &medium)
-    : impl_(std::make_unique<Impl>(index_to_world, shape, medium)) {}
+                           const PhotonMedium &medium, double least_majorant)
+    : impl_(std::make_unique<Impl>(index_to_world, shape, medium, least_majorant)) {}
 PhotonTracer::~PhotonTracer() = default;
 
 std::size_t PhotonTracer::colours(const PhotonSource &source) const {
@@ -164,10 +176,18 @@ PhotonTally PhotonTracer::run(const PhotonSource &source, const PhotonRun &run,
     const std::size_t workers =
         std::min<std::size_t>(std::size_t(thread_count(run.threads)), batches);
 
-    TraceContext context{&field,          &impl_->geometry,
-                         &emitter,        Random::mix(Random::mix(run.seed) + run.pass),
-                         run.unscattered, {}};
+    TraceContext context{&field,
+                         &impl_->geometry,
+                         &emitter,
+                         Random::mix(Random::mix(run.seed) + run.pass),
+                         run.unscattered,
+                         {},
+                         run.deposits && run.radius == 0.0,
+                         run.deposits && run.radius > 0.0,
+                         {},
+                         0.0f};
     std::copy_n(&impl_->inverse[0][0], 9, &context.inverse[0][0]);
+    if (context.points) impl_->set_kernel(run.radius, context);
     std::vector<Deposits> &deposits = impl_->scratch(workers, field.voxels * width);
     std::vector<TraceResult> results(workers);
     for (std::size_t w = 0; w < workers; ++w) results[w].deposits = &deposits[w];
