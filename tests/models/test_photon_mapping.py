@@ -384,6 +384,35 @@ def test_standard_errors_cover_the_truth() -> None:
     assert spread.std(ddof=1) / math.sqrt(len(spread)) < 0.05
 
 
+@pytest.mark.parametrize(
+    "estimate", [{}, {"estimate": "kernel", "radius": 0.7}], ids=["track_length", "kernel"]
+)
+def test_the_actual_error_is_the_reported_one(estimate: dict[str, object]) -> None:
+    """From 16 passes on: squared distances to the judge over squared standard errors sum to 1.
+
+    Voxels of one run are correlated, so each run counts as one number. So few photons that noise
+    (10 % and more) is far above the mean over a box or ball (below 1 %) and the judge's own noise,
+    which is taken off.
+    """
+    scene = Scene(MEDIUM, (DistantLight((0.3, 0.2, 0.9), 3.0), SKY))
+    lattice = bake(scene, MODEL, photons=10).medium.sigma_t
+    matter = np.argwhere(lattice.values > 0)
+    index = matter[:: len(matter) // 50]
+    truth = exact(scene, MODEL, lattice.to_world(index.astype(np.float64)), samples=4096)
+    for passes in (16, 48):
+        ratios = []
+        for seed in range(12):
+            value, error = light_of(
+                bake(scene, MODEL, photons=150, passes=passes, near=16, noise_seed=seed, **estimate)
+            )
+            far = (value[tuple(index.T)] - truth.value)[:, 0] ** 2 - truth.standard_error[:, 0] ** 2
+            ratios.append(far.sum() / (error[tuple(index.T)][:, 0] ** 2).sum())
+        spread = np.std(ratios, ddof=1) / math.sqrt(len(ratios))
+        assert spread < 0.15
+        # t with 11 degrees of freedom: one in 1000. The judge's noise is common to all runs.
+        assert abs(np.mean(ratios) - 1) < 4.4 * spread + 0.05
+
+
 def test_opaque_voxels_are_bounded() -> None:
     values = np.zeros((8, 8, 8), np.float32)
     values[2:6, 2:6, 2:6] = 1e6
