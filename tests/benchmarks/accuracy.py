@@ -2,13 +2,15 @@
 
     python tests/benchmarks/accuracy.py [--voxels 4000] [--models ID,ID] [--volumes NAME,NAME]
                                         [--settings NAME=VALUE,...] [--unclamped]
+                                        [--parts defaults,ladder,coefficients]
                                         [-o docs/accuracy.md]
 
 Baked in-scattered radiance at the models' default settings against `exact`, at camera-visible
 voxels (tests/volumes.py has the scenes and transfer functions); relative RMS over all colours, with
 the standard error of the choice of voxels and of the judge. A second table walks up each model's
-ladder of settings, and is drawn beside the page (images/accuracy_trade_off.svg); a third has the
-coefficients of models that store some, one by one. Needs VOLILLUM_DATA.
+ladder of settings on the smaller volumes, and is drawn beside the page
+(images/accuracy_trade_off.svg); a third has the coefficients of models that store some, one by one.
+Needs VOLILLUM_DATA.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ import matplotlib
 import volumes
 from matplotlib.figure import Figure as Drawing
 
-from volillum_addon.compare.errors import coefficient_errors, field_error
+from volillum_addon.compare.errors import FieldTruth, coefficient_errors, field_error, field_truth
 from volillum_addon.compare.measure import affordable
 from volillum_addon.compare.metrics import Figure
 from volillum_addon.core.errors import InputError
@@ -45,8 +47,8 @@ one bake in a warm process on {machine}.
 TRADE_OFF = """
 ## What the settings trade
 
-Each model's ladder of settings, from fast to accurate, after its defaults. The defaults are where
-the curves bend: more directions or a longer near field cost more than they bring there.
+Each model's ladder of settings, from fast to accurate; filled: its defaults. They are where the
+curves bend: more directions or a longer near field cost more than they bring there.
 
 ![Error against time of every model's settings](images/accuracy_trade_off.svg)
 """
@@ -59,28 +61,42 @@ the bands 0 to 3 are there is no part of these figures: truncation is the model'
 """
 DRAWING = "images/accuracy_trade_off.svg"
 
+# What the page is made of, and the volumes that a ladder of settings is affordable on: a cloud, a
+# simulation, a CT.
+PARTS = ("defaults", "ladder", "coefficients")
+SMALL = ("rico_cloud", "neghip_sim", "headsq_ct")
+
 # One point of a curve: seconds, the error's figure, and whether it is the default settings'.
 Point = tuple[float, Figure, bool]
 
 
-def measured(
-    name: str,
-    model: Model,
-    given: Mapping[str, Value],
-    voxels: int,
-    samples: int,
-    clamped: bool = True,
-) -> tuple[Figure, float] | str:
-    """The error and the seconds of the bake, or why the model cannot serve the scene."""
-    scene = volumes.scene(name)
-    try:
-        begin = time.perf_counter()
-        volume = illuminate(scene, model.id, given)
-        seconds = time.perf_counter() - begin
-        each = affordable(model.equations(scene, model.values(given)), samples)
-        return field_error(scene, volume, voxels, each, clamped=clamped), seconds
-    except InputError as error:
-        return str(error)
+class Judge:
+    """Errors of bakes, with one exact solution for all settings of an equation."""
+
+    def __init__(self, voxels: int, samples: int, clamped: bool) -> None:
+        self._voxels, self._samples, self._clamped = voxels, samples, clamped
+        self._truths: dict[str, FieldTruth] = {}
+
+    def measured(
+        self, name: str, model: Model, given: Mapping[str, Value]
+    ) -> tuple[Figure, float] | str:
+        """The error and the seconds of the bake, or why the model cannot serve the scene."""
+        scene = volumes.scene(name)
+        try:
+            begin = time.perf_counter()
+            volume = illuminate(scene, model.id, given)
+            seconds = time.perf_counter() - begin
+        except InputError as error:
+            return str(error)
+        equations = model.equations(scene, model.values(given))
+        key = f"{name} {[each.operator for each in equations]} {sorted(model.lights)}"
+        if key not in self._truths:
+            self._truths[key] = field_truth(
+                scene, volume, self._voxels, affordable(equations, self._samples),
+                clamped=self._clamped,
+            )  # fmt: skip
+        error = field_error(scene, volume, clamped=self._clamped, truth=self._truths[key])
+        return error, seconds
 
 
 def percent(figure: Figure) -> str:
@@ -99,6 +115,11 @@ def shown(result: tuple[Figure, float] | str) -> str:
 
 def row(*cells: str) -> str:
     return "| " + " | ".join(cells) + " |"
+
+
+def head(first: str, names: list[str]) -> list[str]:
+    """A table's first two lines."""
+    return [row(first, *names), row(*["---"] * (len(names) + 1))]
 
 
 def in_words(given: Mapping[str, Value]) -> str:
@@ -162,54 +183,57 @@ def main() -> None:
     )
     parser.add_argument("--models", default=",".join(MODELS))
     parser.add_argument("--volumes", default=",".join(volumes.MEDIA))
-    parser.add_argument("--no-ladder", action="store_true", help="only the default settings")
+    parser.add_argument("--ladder-volumes", default=",".join(SMALL))
+    parser.add_argument("--parts", default=",".join(PARTS), help="which tables")
     parser.add_argument("--settings", default="", help="in place of the first table's defaults")
     parser.add_argument("--unclamped", action="store_true", help="compare negative radiance too")
     parser.add_argument("-o", "--output", type=Path, help="write the page there")
     options = parser.parse_args()
     models = [MODELS[each] for each in options.models.split(",")]
     names = options.volumes.split(",")
-    clamped = not options.unclamped
+    judge = Judge(options.voxels, options.samples, not options.unclamped)
     settings = dict(each.split("=") for each in options.settings.split(",") if each)
-    rule = row(*["---"] * (len(names) + 1))
     lines = [HEAD.format(voxels=options.voxels, machine=f"{os.cpu_count()} cores")]
-    lines += [row("model", *names), rule]
+    lines += head("model", names)
     curves: dict[str, dict[str, list[Point]]] = {
         model.label: {name: [] for name in names} for model in models
     }
 
-    def add(label: str, model: Model, given: Mapping[str, Value], default: bool) -> None:
+    parts = options.parts.split(",")
+    small = options.ladder_volumes.split(",")
+
+    def add(label: str, model: Model, given: Mapping[str, Value], where: list[str]) -> None:
         cells = []
-        for name in names:
-            result = measured(name, model, given, options.voxels, options.samples, clamped)
+        for name in where:
+            result = judge.measured(name, model, given)
             cells.append(shown(result))
             if not isinstance(result, str):
-                curves[model.label][name].append((result[1], result[0], default))
+                curves[model.label][name].append((result[1], result[0], where is names))
         lines.append(row(label, *cells))
         print(lines[-1], flush=True)
 
-    for model in models:
-        add(model.label, model, settings, True)
-    if not options.no_ladder:
-        lines += [TRADE_OFF, row("settings", *names), rule]
+    if "defaults" in parts:
+        for model in models:
+            add(model.label, model, settings, names)
+    if "ladder" in parts:
+        lines += [TRADE_OFF, *head("settings", small)]
         for model in models:
             for given in model.ladder:
-                add(f"{model.label}: {in_words(given)}", model, given, False)
-    for model in models:
+                add(f"{model.label}: {in_words(given)}", model, given, small)
+    for model in models if "coefficients" in parts else ():
         if model.operator(model.values({})).basis is None:
             continue
         lines.append(COEFFICIENTS)
         # The defaults, and the most accurate of the ladder.
-        for given in ({}, *model.ladder[-1:]):
+        for given, where in (({}, names), (model.ladder[-1], small)):
             words = in_words(given) or "default settings"
-            lines += [f"{model.label}, {words}:", "", row("(l, m)", *names), rule]
-            for each in coefficient_rows(model, given, names, options.voxels, options.samples):
+            lines += ["", f"{model.label}, {words}:", "", *head("(l, m)", where)]
+            for each in coefficient_rows(model, given, where, options.voxels, options.samples):
                 lines.append(each)
                 print(each, flush=True)
-            lines.append("")
     if options.output:
         options.output.write_text("\n".join(lines).rstrip() + "\n")
-        if not options.no_ladder:
+        if "ladder" in parts:
             draw(curves, options.output.parent / DRAWING)
 
 

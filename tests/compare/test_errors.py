@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 from comparisons import synthetic_scene
 
-from volillum_addon.compare.errors import field_error, visible_voxels
+from volillum_addon.compare.errors import (
+    coefficient_errors,
+    field_error,
+    field_truth,
+    visible_voxels,
+)
 from volillum_addon.core.camera import Camera
 from volillum_addon.core.errors import InputError
 from volillum_addon.core.grid import Grid
@@ -114,3 +119,36 @@ def test_radiance_below_zero_is_compared_where_it_is_not_clamped() -> None:
     # Below zero 2 % more is darker. The field's own error, below 0.5 %, adds in squares.
     assert planted.relative_rmse == pytest.approx(0.02, abs=4 * planted.noise + 6e-4)
     assert planted.bias == pytest.approx(-0.02, abs=4 * planted.bias_noise)
+
+
+def test_one_truth_serves_every_setting_of_an_equation() -> None:
+    scene = synthetic_scene()
+    volume = bake(scene, "directional_occlusion", directions=16)
+    truth = field_truth(scene, volume, voxels=200, samples=256)
+    other = bake(scene, "directional_occlusion", directions=32)
+    for each in (volume, other):
+        found = field_error(scene, each, truth=truth)
+        assert found == field_error(scene, each, voxels=200, samples=256)
+
+
+@pytest.mark.parametrize("colours", [1, 3])
+def test_a_planted_error_shows_in_each_coefficient(colours: int) -> None:
+    scene = synthetic_scene()
+    grid = scene.medium.sigma_t
+    if colours == 3:
+        grid = grid.with_values(grid.values[..., None] * np.array([0.5, 1.0, 2.0], np.float32))
+        scene = replace(scene, medium=Medium(grid, grid))
+    volume = bake(scene, "spherical_harmonics", directions=512, near=4)
+    clean, _ = coefficient_errors(scene, volume, voxels=300, samples=4096)
+    assert clean.relative_rmse < 0.01  # with 512 directions, on a smooth field
+    planted = {
+        name: channel.with_values(channel.values * np.float32(1.2), name)
+        for name, channel in volume.channels.items()
+    }
+    wrong = replace(volume, channels=planted)
+    together, each = coefficient_errors(scene, wrong, voxels=300, samples=4096)
+    assert together.relative_rmse == pytest.approx(0.2, abs=0.01)
+    assert len(each) == 16
+    # Faint ones have larger errors of their own, which add up in squares.
+    for figure in each:
+        assert 0.15 < figure.relative_rmse < 0.35

@@ -110,6 +110,35 @@ def visible_voxels(medium: Medium, camera: Camera, count: int, seed: int) -> NDA
     return np.asarray(index[random.choice(len(index), count, p=seen / seen.sum())], np.int64)
 
 
+@dataclass(frozen=True, eq=False)
+class FieldTruth:
+    """A model's exact solution at visible voxels: index positions [n, 3], how often each one was
+    drawn [n], and the radiance [n, 3]. It serves every setting that leaves the equation alone."""
+
+    index: NDArray[np.int64]
+    counts: NDArray[np.integer]
+    radiance: Image
+
+
+def field_truth(
+    scene: Scene,
+    volume: IlluminationVolume,
+    voxels: int = 2000,
+    samples: int = 2048,
+    seed: int = 0,
+    control: Control | None = None,
+    clamped: bool = True,
+) -> FieldTruth:
+    """The exact solution of the baked model at `voxels` draws of visible voxels, `samples`
+    directions each. `clamped` False: before negative radiance is cut to 0."""
+    index = visible_voxels(volume.medium, scene.need_camera(), voxels, seed)
+    unique, counts = np.unique(index, axis=0, return_counts=True)
+    points = volume.medium.sigma_t.to_world(unique.astype(np.float64))
+    given = volume.parameters
+    estimate = exact(scene, volume.model, points, samples, seed, control, clamped=clamped, **given)
+    return FieldTruth(unique, counts, image_of(estimate))
+
+
 def field_error(
     scene: Scene,
     volume: IlluminationVolume,
@@ -118,23 +147,19 @@ def field_error(
     seed: int = 0,
     control: Control | None = None,
     clamped: bool = True,
+    truth: FieldTruth | None = None,
 ) -> Figure:
     """Baked in-scattered radiance against the model's exact solution at visible voxels' centres.
 
     `scene` is the scene that was baked; `samples` directions a voxel. `clamped` False compares what
-    is there before negative radiance is cut to 0, which would hide errors.
+    is there before negative radiance is cut to 0, which would hide errors. `truth` is what
+    `field_truth` gave for this equation, None: it is made.
     """
-    camera, given = scene.need_camera(), volume.parameters
-    grid = volume.medium.sigma_t
-    index = visible_voxels(volume.medium, camera, voxels, seed)
-    unique, counts = np.unique(index, axis=0, return_counts=True)
-    points = grid.to_world(unique.astype(np.float64))
-    truth = image_of(
-        exact(scene, volume.model, points, samples, seed, control, clamped=clamped, **given)
-    )
-    seen = volume.in_scattered(view=camera, clamped=clamped)
-    baked = seen.values[tuple(unique.T)].astype(np.float64)
-    return sampled_figure(Image.noiseless(baked), truth, counts)
+    if truth is None:
+        truth = field_truth(scene, volume, voxels, samples, seed, control, clamped)
+    seen = volume.in_scattered(view=scene.need_camera(), clamped=clamped)
+    baked = seen.values[tuple(truth.index.T)].astype(np.float64)
+    return sampled_figure(Image.noiseless(baked), truth.radiance, truth.counts)
 
 
 def coefficient_errors(

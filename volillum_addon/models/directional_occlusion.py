@@ -13,6 +13,7 @@ complement. The published slice algorithm does not solve this equation (docs/mat
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from ..core.control import Control
 from ..core.directions import about, cone_rule
@@ -27,6 +28,11 @@ from .operator import Operator, brightness
 from .published import SLICES, blurred_slices, is_published
 from .settings import CONE_DIRECTIONS, CONE_LADDER, NEAR_SLICES, cone_theta
 from .volume import Factor, RadianceTerm
+
+# The voxels that the eye sees are at surfaces, and their cones look along the same rays out of the
+# medium again: what remains of the error there is the far field's. In a cloud of 2 to 4 optical
+# depths a voxel 10 slices leave 0.9 % where 4 leave 1.6 %, for a fifth more time.
+NEAR = replace(NEAR_SLICES, default=10)
 
 
 def operator(values: Values) -> Operator:
@@ -69,7 +75,7 @@ MODEL = Model(
     "Model for Interactive Direct Volume Rendering, EuroVis 2009",
     equation="6, 7",
     summary="Light from a cone around the eye: soft ambient shadows that follow the camera.",
-    parameters=(cone_theta(math.radians(30)), CONE_DIRECTIONS, NEAR_SLICES, *SLICES),
+    parameters=(cone_theta(math.radians(30)), CONE_DIRECTIONS, NEAR, *SLICES),
     needs=(
         Need("light direction", "ignores", "every light counts as a glow around the eye"),
         Need("light brightness", "approximates", "one constant: the sum of F / (4 pi)"),

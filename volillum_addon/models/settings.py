@@ -25,9 +25,10 @@ NEAR_SLICES = Parameter(
 # Settings of a cone's models from fast to accurate.
 CONE_LADDER: tuple[Values, ...] = (
     {"directions": 16, "near": 0},
-    {"directions": 16, "near": 2},
+    {"directions": 16, "near": 4},
     {"directions": 64, "near": 4},
-    {"directions": 256, "near": 8},
+    {"directions": 64, "near": 10},
+    {"directions": 256, "near": 10},
 )
 
 

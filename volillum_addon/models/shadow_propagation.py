@@ -260,5 +260,5 @@ MODEL = Model(
     operator=operator,
     solve=solve,
     radiance=radiance,
-    ladder=({"directions": 16, "near": 0}, {"directions": 16, "near": 1}, *CONE_LADDER[2:]),
+    ladder=({"directions": 16, "near": 0}, {"directions": 16, "near": 1}, *CONE_LADDER[2::2]),
 )  # fmt: skip

@@ -139,7 +139,7 @@ MODEL = Model(
         Parameter("order", 3, "Highest band: 0 ambient, 3 sixteen coefficients", 0, 3),
         Parameter(
             "directions",
-            128,
+            256,
             "Directions on the sphere: more for hard surfaces, time grows in proportion",
             8,
             4096,
@@ -174,5 +174,6 @@ MODEL = Model(
         {"directions": 64, "near": 2},
         {"directions": 128, "near": 4},
         {"directions": 512, "near": 6},
+        {"directions": 1024, "near": 8},
     ),
 )
