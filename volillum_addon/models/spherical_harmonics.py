@@ -70,12 +70,18 @@ def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
         return channels
     for first in range(0, count, PACK):
         name = f"coefficients_{first // PACK}"
-        pack = np.zeros((PACK, *sigma_t.shape), np.float32)
         some = planes[0, first : first + PACK]
-        pack[: len(some)] = some
-        values_xyz = np.ascontiguousarray(np.moveaxis(pack, 0, -1)) if len(some) > 1 else some[0]
+        values_xyz = _interleaved(some) if len(some) > 1 else some[0]
         channels[name] = sigma_t.with_values(values_xyz, name)
     return channels
+
+
+def _interleaved(planes: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Contiguous planes [3, i, j, k] as [i, j, k, 3], in the same memory."""
+    turned = np.moveaxis(planes, 0, -1).copy()
+    values = planes.reshape(turned.shape)
+    values[...] = turned
+    return values
 
 
 def composed(
