@@ -20,6 +20,7 @@ from . import analyse_command, compare_command, gallery_command, import_command,
 from .arguments import model_id, model_ids, positive
 from .describe import as_json, as_markdown, as_text
 from .failures import EXPECTED, one_line
+from .model_page import as_page
 
 DONE, FAILED, WRONG_USAGE, CANCELLED = 0, 1, 2, 130
 
@@ -71,6 +72,7 @@ def _add_models(command: argparse.ArgumentParser) -> None:
     form = command.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="as JSON, for programs")
     form.add_argument("--markdown", action="store_true", help="the terms of all, side by side")
+    form.add_argument("--pages", type=Path, metavar="DIR", help="a page about each, as files there")
     command.set_defaults(run=_models)
 
 
@@ -189,6 +191,12 @@ def _frames(text: str) -> range:
 def _models(options: argparse.Namespace) -> None:
     if options.json:
         print(json.dumps([as_json(model) for model in MODELS.values()], indent=2, allow_nan=False))
+    elif options.pages is not None:
+        options.pages.mkdir(parents=True, exist_ok=True)
+        for model in MODELS.values():
+            path = options.pages / f"{model.id}.md"
+            path.write_text(as_page(model), encoding="utf-8")
+            print(path)
     elif options.markdown:
         print(as_markdown(tuple(MODELS.values())))
     else:
