@@ -139,21 +139,26 @@ def test_a_changed_light_is_noticed_at_its_frame(scene: bpy.types.Scene) -> None
     assert said.startswith("The lights have changed")
 
 
-def test_a_light_that_comes_and_goes_is_refused(scene: bpy.types.Scene) -> None:
+def test_lights_that_come_and_go_are_shown(scene: bpy.types.Scene, tmp_path: Path) -> None:
     sun = placed(scene, "LIGHT")
-    scene.volillum.model = "spherical_harmonics"
-    copy = bpy.data.objects.new("second", sun.data)
+    copy = bpy.data.objects.new("second", sun.data.copy())
+    copy.rotation_euler = (1.2, 0.3, 0)
     scene.collection.objects.link(copy)
-    scene.volillum.model = MODEL
-    for frame, hidden in ((2, True), (3, False)):
+    for frame, hidden, energy in ((2, True, 1.0), (3, False, 0.0), (4, False, 3.0)):
         copy.hide_render = hidden
         copy.keyframe_insert("hide_render", frame=frame)
-    bake(scene)
-    materials = len(bpy.data.materials)
-    with pytest.raises(RuntimeError, match="frame 2 needs another material than the others"):
-        bpy.ops.volillum.show()
-    assert len(bpy.data.materials) == materials
-    assert scene.frame_current == 3
+        copy.data.energy = energy
+        copy.data.keyframe_insert("energy", frame=frame)
+    paths = bake(scene)
+    bpy.ops.volillum.show()
+    played = {frame: image(scene, tmp_path, frame) for frame in (2, 3, 4)}
+    scene.volillum.baked.frames = 0
+    for frame, path in zip((2, 3, 4), paths, strict=True):
+        scene.frame_set(frame)
+        work.show(scene, path)
+        alone = image(scene, tmp_path, frame)
+        np.testing.assert_allclose(played[frame], alone, rtol=1e-5, atol=1e-6 * alone.max())
+    assert played[4].mean() > 1.2 * played[3].mean() == pytest.approx(1.2 * played[2].mean())
 
 
 def test_a_moving_camera_is_followed_by_what_sees_it(scene: bpy.types.Scene) -> None:

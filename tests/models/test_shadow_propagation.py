@@ -349,10 +349,10 @@ def test_a_point_light_that_cannot_be_followed_is_refused() -> None:
         bake(outside, MODEL, algorithm="published")
 
 
-def test_black_light_is_black() -> None:
+def test_a_light_that_does_not_shine_is_said_to_be_dark() -> None:
     medium = coloured((6, 6, 6), seed=41)
-    volume = bake(Scene(medium, (DistantLight((0, 0, 1), 0.0),)), MODEL)
-    assert not volume.in_scattered().values.any()
+    with pytest.raises(InputError, match="the scene's are of strength 0"):
+        bake(Scene(medium, (DistantLight((0, 0, 1), 0.0),)), MODEL)
 
 
 def test_a_scene_without_a_sun_is_refused() -> None:

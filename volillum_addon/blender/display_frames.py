@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
+import numpy as np
 
 from ..bake.vdb import read_vdb
 from ..core.errors import InputError
+from ..core.grid import Grid
 from ..models.angular import Angular
 from ..models.illuminate import relight
 from ..models.volume import Factor, IlluminationVolume, RadianceTerm
@@ -32,9 +35,13 @@ def show_frames(
     """
     paths = files(first)
     with kept_frame(scene):
-        lit = {frame: _lit(scene, frame, path).radiance for frame, path in paths.items()}
-        products = dict.fromkeys(_products(term) for terms in lit.values() for term in terms)
-        material, found = _materials(scene, paths, tuple(products))
+        products: dict[Products, None] = {}
+        channels: dict[str, Grid] = {}
+        for frame, path in paths.items():
+            volume = _lit(scene, frame, path)
+            products |= dict.fromkeys(_products(term) for term in volume.radiance)
+            channels |= {name: _stand_in(grid) for name, grid in volume.channels.items()}
+        material, found = _materials(scene, paths, tuple(products), channels)
     try:
         key_frames(material, found)
         data = load_volume(first)
@@ -60,8 +67,17 @@ def _products(term: RadianceTerm) -> Products:
     return term.factors, term.angular
 
 
+def _stand_in(grid: Grid) -> Grid:
+    """One voxel of 0 with the grid's number of components: where a frame's file lacks the grid
+    (a light is dark there), Blender reads 0."""
+    return Grid(np.zeros((1, 1, 1, 3)[: 4 if grid.channels == 3 else 3], np.float32), np.eye(4))
+
+
 def _materials(
-    scene: bpy.types.Scene, paths: Mapping[int, Path], products: tuple[Products, ...]
+    scene: bpy.types.Scene,
+    paths: Mapping[int, Path],
+    products: tuple[Products, ...],
+    channels: Mapping[str, Grid],
 ) -> tuple[bpy.types.Material, dict[int, Constants]]:
     """The first frame's material, and every frame's constants, all over the same products: a term
     that a frame lacks has the weight 0 there."""
@@ -69,7 +85,7 @@ def _materials(
     found: dict[int, Constants] = {}
     try:
         for frame, path in paths.items():
-            volume = _padded(_lit(scene, frame, path), products, frame)
+            volume = _padded(_lit(scene, frame, path), products, channels)
             made = display_material(path.stem, volume, grid_limit(scene))
             found[frame] = constants(made)
             if material is None:
@@ -86,21 +102,19 @@ def _materials(
 
 
 def _padded(
-    volume: IlluminationVolume, products: tuple[Products, ...], frame: int
+    volume: IlluminationVolume, products: tuple[Products, ...], channels: Mapping[str, Grid]
 ) -> IlluminationVolume:
     weights = {_products(term): term.weight for term in volume.radiance}
     terms = tuple(
         RadianceTerm(factors, weights.get((factors, angular), (0.0, 0.0, 0.0)), angular)
         for factors, angular in products
     )
-    channels = {factor.channel for factors, _ in products for factor in factors}
-    _require(channels <= volume.channels.keys(), frame)
-    return volume.with_radiance(terms)
+    return replace(volume, radiance=terms, channels={**channels, **volume.channels})
 
 
 def _require(alike: bool, frame: int) -> None:
     if not alike:
         raise InputError(
-            f"frame {frame} needs another material than the others (a light or a term comes or "
-            "goes); expected the same lights at every frame, dimmed to 0 when they are off"
+            f"frame {frame} needs another material than the others (its medium has other terms); "
+            "expected the same kind of medium at every frame"
         )

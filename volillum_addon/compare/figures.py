@@ -27,8 +27,10 @@ from .results import BaselineMeasured, Comparison, Measured
 TARGETS = (0.10, 0.05, 0.02, 0.01)
 # The lengths of the camera moves, frames.
 FRAMES = (1, 24, 240)
-# Averaging more pictures than this is no forecast any more.
+# Averaging more pictures than this is no forecast any more, and nobody averages pictures of fewer
+# samples than this: more samples in one picture are faster.
 FARTHEST = 1000
+FEWEST_AVERAGED = 16
 
 How = Literal["measured", "interpolated", "averaged", "model error", "not reached"]
 
@@ -158,7 +160,13 @@ def _ways(comparison: Comparison) -> Iterator[Series]:
             if entry.way == way and entry.measured is not None
         ]  # fmt: skip
         if points:
-            yield Series(way.id, way.label, tuple(points), noise_only=not way.denoised)
+            most = max(
+                entry.samples
+                for entry in comparison.baselines
+                if entry.way == way and entry.measured is not None
+            )
+            averages = not way.denoised and most >= FEWEST_AVERAGED
+            yield Series(way.id, way.label, tuple(points), noise_only=averages)
 
 
 def words(parameters: Mapping[str, Value]) -> str:

@@ -138,6 +138,11 @@ class Model:
         if not self.represented(scene) and not glows:
             have = ", ".join(sorted({light.kind for light in scene.lights})) or "none"
             wants = ", ".join(sorted(self.lights))
+            if any(light.kind in self.lights for light in scene.lights):
+                raise InputError(
+                    f"no light of the kinds {wants} shines: the scene's are of strength 0; "
+                    f"{self.label} needs one that shines"
+                )
             raise InputError(
                 f"{self.label} knows only lights of the kinds {wants}; the scene has {have}"
             )
