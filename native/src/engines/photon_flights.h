@@ -61,7 +61,8 @@ struct Flights {
     Floats depth;                      // optical depth under the majorant to the next collision
     Floats majorant, accept;
     Floats value;    // sigma_t (its first channel) at the corner
-    Ints corner[3];  // the voxel that stands for the interpolated value; in the void [0] is -1
+    Ints corner[3];  // the voxel that stands for the interpolated value
+    Ints matter;     // -1 where there is such a voxel
     Ints cell[3], state;
     Words random[4];
 
@@ -124,21 +125,22 @@ struct Flights {
             cell[a] -= along[a] & (up[a] | 1);
             out |= (cell[a] < 0) | (cell[a] >= field.blocks[a]);
         }
-        corner[0] = inside ? corner[0] : Ints{} - 1;
+        // The void reads voxel 0, so that no branch is to be foretold.
+        matter = inside;
+        for (Ints &index : corner) index &= inside;
         const Floats next = exponential(draw());
         accept = to_float(Ints(draw() >> 8)) * 0x1p-24f;
         depth = hit ? next : held ? depth : depth - across;
         state = (hit & possible) | (held & dense) | (crosses & out & outside);
         // Read long before they are asked for: memory may take its time.
-        for (int l = 0; l < width; ++l)
-            value[l] = corner[0][l] < 0 ? 0.0f : field.sigma_t[voxel(field, l)];
+        for (int l = 0; l < width; ++l) value[l] = field.sigma_t[voxel(field, l)];
     }
 
     // The lanes to which something happens, one bit each: where `decided`, null collisions are
     // nothing.
     VOLILLUM_INLINE std::uint32_t events(bool decided) const {
         Ints happens = state != flying;
-        if (decided) happens &= (state != possible) | (accept * majorant < value);
+        if (decided) happens &= (state != possible) | (matter & (accept * majorant < value));
         std::uint32_t bits = 0;
         for (int l = 0; l < width; ++l) bits |= std::uint32_t(happens[l] & 1) << l;
         return bits;

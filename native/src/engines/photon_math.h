@@ -121,4 +121,18 @@ VOLILLUM_INLINE void uniform_direction(float *direction, float u, float azimuth)
     direction[2] = z;
 }
 
+// sqrt(4 pi) Y_lm for l <= 2, in the order and signs of core/harmonics.py: the first is 1.
+VOLILLUM_INLINE void harmonics(float x, float y, float z, float *out) {
+    constexpr float a = 1.7320508075688772f, b = 3.872983346207417f, c = 1.118033988749895f;
+    out[0] = 1.0f;
+    out[1] = a * y;
+    out[2] = a * z;
+    out[3] = a * x;
+    out[4] = b * x * y;
+    out[5] = b * y * z;
+    out[6] = c * (3.0f * z * z - 1.0f);
+    out[7] = b * x * z;
+    out[8] = 0.5f * b * (x * x - y * y);
+}
+
 }  // namespace volillum

@@ -50,11 +50,19 @@ public:
         bool alive = true;
         while (alive) {
             alive = false;
-            for (Vector &some : vectors) {
-                std::uint32_t events =
-                    some.flights.events(!Chromatic && !context_.points) & some.live;
-                for (; events; events &= events - 1) {
-                    const int l = std::countr_zero(events);
+            // Albedos are asked for before any is needed.
+            std::uint32_t events[kVectors];
+            for (int v = 0; v < kVectors; ++v) {
+                const Vector &some = vectors[v];
+                events[v] = some.flights.events(!Chromatic && !context_.points) & some.live;
+                for (std::uint32_t bits = events[v]; bits; bits &= bits - 1)
+                    __builtin_prefetch(field_.sigma_s +
+                                       some.flights.voxel(field_, std::countr_zero(bits)));
+            }
+            for (int v = 0; v < kVectors; ++v) {
+                Vector &some = vectors[v];
+                for (std::uint32_t bits = events[v]; bits; bits &= bits - 1) {
+                    const int l = std::countr_zero(bits);
                     if (!go_on(some, l) && !start(some, l, first, last)) some.live &= ~(1u << l);
                 }
                 if (!some.live) continue;
@@ -185,8 +193,9 @@ private:
     // A possible collision: the medium there is the voxel that stands for it.
     VOLILLUM_INLINE bool arrive(Lane &lane) {
         const int at = lane.at;
-        float sigma_t[3] = {lane.flights.value[at], 0.0f, 0.0f}, sigma_s[3] = {0.0f, 0.0f, 0.0f};
-        if (lane.flights.corner[0][at] >= 0) {
+        float sigma_t[3] = {0.0f, 0.0f, 0.0f}, sigma_s[3] = {0.0f, 0.0f, 0.0f};
+        if (lane.flights.matter[at]) {
+            sigma_t[0] = lane.flights.value[at];
             const std::size_t voxel = lane.flights.voxel(field_, at);
             for (std::size_t c = 1; c < (Chromatic ? 3u : 1u); ++c)
                 sigma_t[c] = field_.sigma_t[c * field_.voxels + voxel];
@@ -363,20 +372,6 @@ private:
             for (std::size_t i = 0; i < Moments * Colours; ++i)
                 result_.deposits->add(index + i, values[i] + dither);
         });
-    }
-
-    // sqrt(4 pi) Y_lm for l <= 2, in the order and signs of core/harmonics.py: the first is 1.
-    static VOLILLUM_INLINE void harmonics(float x, float y, float z, float *out) {
-        constexpr float a = 1.7320508075688772f, b = 3.872983346207417f, c = 1.118033988749895f;
-        out[0] = 1.0f;
-        out[1] = a * y;
-        out[2] = a * z;
-        out[3] = a * x;
-        out[4] = b * x * y;
-        out[5] = b * y * z;
-        out[6] = c * (3.0f * z * z - 1.0f);
-        out[7] = b * x * z;
-        out[8] = 0.5f * b * (x * x - y * y);
     }
 
     static VOLILLUM_INLINE std::int64_t fixed(float weight) {
