@@ -108,7 +108,7 @@ def test_power_is_conserved_exactly(kind: str) -> None:
     run = Run(sigma_t, sigma_s, PhotonSource.environment(), g=0.3).add(0)
     tally = run.tallies[0]
     for colour in range(len(tally["emitted"])):
-        spent = sum(tally[name][colour] for name in ("missed", "absorbed", "roulette"))
+        spent = sum(tally[name][colour] for name in ("missed", "absorbed", "roulette", "given_up"))
         spent += sum(face[colour] for face in tally["escaped"])
         assert tally["emitted"][colour] == spent
         assert tally["absorbed"][colour] > 0
@@ -330,3 +330,15 @@ def test_bad_input_is_refused_in_plain_words() -> None:
         PhotonSource.image(np.zeros((2, 4, 3)), np.eye(3))
     with pytest.raises(ValueError, match="direction has length 2"):
         PhotonSource.distant(np.array([2.0, 0, 0]), 1.0)
+
+
+def test_a_photon_that_scatters_without_end_is_given_up() -> None:
+    """White and 1e6 deep: the work is bounded, and what is left out is in the balance."""
+    sigma = np.full((1, 3, 3, 3), 1e6, np.float32)
+    run = Run(sigma, sigma, PhotonSource.environment(), photons=500).add(0)
+    tally = run.tallies[0]
+    assert tally["endless"] > 0
+    assert tally["scatterings"] <= run.photons * (native.most_scatterings + 1)
+    spent = sum(tally[name][0] for name in ("missed", "absorbed", "roulette", "given_up"))
+    assert tally["emitted"][0] == spent + sum(face[0] for face in tally["escaped"])
+    assert 0 < tally["given_up"][0] <= tally["emitted"][0]

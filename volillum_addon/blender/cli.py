@@ -65,6 +65,7 @@ def parser() -> argparse.ArgumentParser:
     _add_compare(commands.add_parser("compare", help="measure models against full scattering"))
     gallery_command.add(commands.add_parser("gallery", help="show standard scenes of real volumes"))
     _add_demo(commands.add_parser("demo", help="compare all models on the volume that is included"))
+    _add_hardcases(commands.add_parser("hardcases", help="examine models in scenes that are hard"))
     return result
 
 
@@ -141,6 +142,14 @@ def _add_demo(command: argparse.ArgumentParser) -> None:
     command.set_defaults(run=_demo)
 
 
+def _add_hardcases(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--models", type=model_ids, default=(), metavar="ID,ID", help="default: all"
+    )
+    command.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
+    command.set_defaults(run=_hardcases)
+
+
 def _add_scene_file(command: argparse.ArgumentParser) -> None:
     _add_scene_name(command)
     _add_output(command)
@@ -201,6 +210,12 @@ def _models(options: argparse.Namespace) -> None:
         print(as_markdown(tuple(MODELS.values())))
     else:
         print("\n\n".join(as_text(model) for model in MODELS.values()))
+
+
+def _hardcases(options: argparse.Namespace) -> None:
+    from ..compare.hard_command import hardcases
+
+    print(hardcases(options.models, options.output))
 
 
 # What follows needs bpy, which takes a second to import and prints to standard output.

@@ -56,4 +56,7 @@ def falloff(grid: Grid, position: NDArray[np.float64]) -> NDArray[np.float32]:
             (a * i + (origin - position[row]))[:, None, None] + (b * j)[:, None] + c * k
         ) ** 2
     centre = float(np.sum((grid.centre - position) ** 2))
-    return np.asarray(centre / squared, dtype=np.float32)
+    # In the voxel that holds the place: the mean of 1 / d^2 over a ball of the voxel's volume.
+    volume = abs(float(np.linalg.det(grid.index_to_world[:3, :3])))
+    closest = (3 * volume / (4 * math.pi)) ** (1 / 3)
+    return np.asarray(centre / np.maximum(squared, closest**2 / 3), dtype=np.float32)

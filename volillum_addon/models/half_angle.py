@@ -131,20 +131,24 @@ def marched(
     node_spacing: int = 1,
 ) -> NDArray[np.float32]:
     """The solution of the march along `axis`, [channels, i, j, k], where `seen` of the light is
-    not scattered."""
-    return native.cone_transport(
-        medium.sigma_t.planes(),
-        medium.sigma_s.planes(),
-        medium.sigma_t.index_to_world,
-        axis,
-        directions,
-        np.ascontiguousarray(weights),
-        transmittance=np.ascontiguousarray(seen),
-        node_spacing=node_spacing,
-        lamp=lamp,
-        spacing=float(values["spacing"]),
-        control=control.native,
-    )
+    not scattered; InputError where the light's lattice would have no end."""
+    try:
+        planes: NDArray[np.float32] = native.cone_transport(
+            medium.sigma_t.planes(),
+            medium.sigma_s.planes(),
+            medium.sigma_t.index_to_world,
+            axis,
+            directions,
+            np.ascontiguousarray(weights),
+            transmittance=np.ascontiguousarray(seen),
+            node_spacing=node_spacing,
+            lamp=lamp,
+            spacing=float(values["spacing"]),
+            control=control.native,
+        )
+    except ValueError as error:
+        raise InputError(f"Half angle slicing cannot march here: {error}") from error
+    return planes
 
 
 def radiance(lights: tuple[Light, ...], medium: Medium, values: Values) -> tuple[RadianceTerm, ...]:

@@ -26,6 +26,8 @@ AXIS_STEP = 0.4
 WIDEST_NODE_SPACING = 16
 # The place must keep this many node spacings away from the voxels, or the axis turns too fast.
 CLOSEST = 1.0
+# Voxels from the box of the centres that are rounding.
+ON_VOXEL = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,10 +55,12 @@ def node_spacing(
     voxel = float(grid.voxel_size.max())
     spacing = min(WIDEST_NODE_SPACING, int(AXIS_STEP * angle * distance / voxel))
     if spacing < 1 or distance < CLOSEST * spacing * voxel:
+        inside = distance < ON_VOXEL * voxel
+        where = "inside the volume" if inside else f"{distance:.4g} from the volume"
         raise InputError(
-            f"{name} is {distance:.4g} from the volume's voxels of {voxel:.4g}; expected at "
-            f"least {voxel / (AXIS_STEP * angle):.4g}: the cone toward it turns too fast there "
-            f"({advice})"
+            f"{name} is {where}, whose voxels are {voxel:.4g}; expected at "
+            f"least {voxel / (AXIS_STEP * angle):.4g} from them: the cone toward it turns too fast "
+            f"there ({advice})"
         )
     return spacing
 

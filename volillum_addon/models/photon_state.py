@@ -30,6 +30,9 @@ LEAST_PASSES = 2
 # Share of the progress that unscattered light takes.
 UNSCATTERED_SHARE = 0.1
 STATE_FORMAT = 1
+# The largest share of the scatterings that may be left out because photons are given up. One that
+# is given up would have scattered about as often again, or more.
+MOST_LEFT_OUT = 0.01
 # Scalar moments in one vector grid: a material reads at most 15 grids in EEVEE.
 PACK = 3
 
@@ -42,7 +45,8 @@ class Part:
     engine's, of `passes` passes; `unscattered` [1 or 9 moments, 1 or 3, i, j, k] is exact, None for
     the medium's emission; `scale` is the in-scattered radiance of one unit of `sums`, times the
     number of photons. `one_way`: unscattered light comes from one direction, and is kept apart
-    where the phase function needs to know.
+    where the phase function needs to know. `scatterings` of all photons, of which `endless` were
+    given up.
     """
 
     source: native.PhotonSource
@@ -53,6 +57,8 @@ class Part:
     strength: NDArray[np.float64]
     one_way: bool
     passes: int = 0
+    scatterings: int = 0
+    endless: int = 0
 
 
 class PhotonState:
@@ -164,7 +170,7 @@ class PhotonState:
         return photon_kernel.inner(values, self.scene.medium.sigma_t.shape, self._margin)
 
     def _trace(self, index: int, part: Part, control: Control) -> None:
-        self._photons.run(
+        tally = self._photons.run(
             part.source, part.sums, part.squares,
             seed=(int(self.values["noise_seed"]) << 16) + index,
             pass_index=part.passes, photons=int(self.values["photons"]),
@@ -172,6 +178,17 @@ class PhotonState:
             control=control.native,
         )  # fmt: skip
         part.passes += 1
+        part.scatterings += int(tally["scatterings"])
+        part.endless += int(tally["endless"])
+        # Three standard deviations off their number: what is left out beyond chance.
+        known = part.endless - 3 * math.sqrt(part.endless)
+        left_out = known * native.most_scatterings / max(part.scatterings, 1)
+        if left_out > MOST_LEFT_OUT:
+            raise InputError(
+                f"at least {left_out / (1 + left_out):.0%} of the light's scatterings would be "
+                f"left out after {native.most_scatterings} of each photon; expected at most "
+                f"{MOST_LEFT_OUT:.0%}: a less deep medium, or an albedo below 1"
+            )
 
     def channels(self) -> dict[str, Grid]:
         """In-scattered radiance at unit strength, by light (`photon_mapping.radiance` has their

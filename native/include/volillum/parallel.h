@@ -14,8 +14,13 @@
 
 namespace volillum {
 
+// Threads of a call that does not say how many; 0: all cores.
+inline std::atomic<int> default_threads{0};
+
 inline int thread_count(int requested) {
     if (requested > 0) return requested;
+    const int limit = default_threads.load(std::memory_order_relaxed);
+    if (limit > 0) return limit;
     return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
 }
 

@@ -64,13 +64,17 @@ struct PhotonMedium {
 };
 
 // What became of the power of the photons, in units of PhotonResult::power_unit, exact integers:
-// emitted = missed + absorbed + escaped + roulette, for each colour.
+// emitted = missed + absorbed + escaped + roulette + given_up, for each colour.
+// A photon that would scatter more often is given up, and counted: the work is bounded in white
+// media of any depth.
+constexpr int kMostScatterings = 1 << 14;
+
 struct PhotonTally {
     static constexpr std::size_t colours = 3;
     using Each = std::array<std::int64_t, colours>;
-    Each emitted{}, missed{}, absorbed{}, roulette{};
-    std::array<Each, 6> escaped{};  // through the low and high face of each index axis
-    std::int64_t scatterings = 0;
+    Each emitted{}, missed{}, absorbed{}, roulette{}, given_up{};
+    std::array<Each, 6> escaped{};              // through the low and high face of each index axis
+    std::int64_t scatterings = 0, endless = 0;  // endless: photons that were given up
 };
 
 // Sums over passes, owned by the caller, all starting at 0: sums[voxels][moments][colours] and

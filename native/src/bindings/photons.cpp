@@ -203,10 +203,12 @@ public:
         result["missed"] = list(tally.missed);
         result["absorbed"] = list(tally.absorbed);
         result["roulette"] = list(tally.roulette);
+        result["given_up"] = list(tally.given_up);
         nb::list faces;
         for (const PhotonTally::Each &face : tally.escaped) faces.append(list(face));
         result["escaped"] = faces;
         result["scatterings"] = tally.scatterings;
+        result["endless"] = tally.endless;
         result["power_unit"] = tracer_->power_unit(source, unscattered);
         return result;
     }
@@ -285,7 +287,10 @@ light that comes straight from the source counts too. `radius`: 0, or that of th
 (world units): possible collisions within it of a voxel's centre, over the ball's volume and the
 majorant. `deposits` False: only traces, to be timed.
 Returns exact integers of power for each colour, in units of `power_unit` over `photons`: emitted =
-missed + absorbed + roulette + sum of escaped (through the low and high face of each index axis).)");
+missed + absorbed + roulette + given_up + sum of escaped (through the low and high face of each
+index axis); and the numbers of `scatterings`, and of `endless` photons, given up after the most
+scatterings that are followed, `most_scatterings`.)");
+    module.attr("most_scatterings") = volillum::kMostScatterings;
 
     module.def(
         "transmittance_to", &transmittance, "sigma_t"_a.noconvert(), "index_to_world"_a, "point"_a,

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <sstream>
 #include <stdexcept>
 #include <string>
 
@@ -14,6 +15,9 @@ constexpr double kSteepest = 1.5;
 // Directions this close to the plane of the slices would need endless slices.
 constexpr double kSmallestCosine = 1e-3;
 constexpr double kUnit = 1e-6;
+// The lattice of compact voxels has some 20 points a voxel at the usual spacing, of tiny grids up
+// to some 1000. Oblong voxels or grids askew to the light would need endless ones.
+constexpr double kMostPerVoxel = 1000.0, kAlways = 1e7;
 
 double dot(const Vec3d &a, const Vec3d &b) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -140,6 +144,18 @@ Lattice::Lattice(const ConeTransportScene &scene, double spacing, double steepes
                                         " points along a side; expected fewer");
         counts[i] = int(2 * half) + 1;
         centre_[i] = half;
+    }
+    const double voxels = double(scene.shape[0]) * scene.shape[1] * scene.shape[2],
+                 needed = double(counts[0]) * counts[1] * counts[2];
+    if (needed >
+        std::max(kMostPerVoxel * voxels / std::min(1.0, spacing * spacing * spacing), kAlways)) {
+        std::ostringstream message;
+        message.precision(3);
+        message << "the light's lattice would be " << counts[0] << " x " << counts[1] << " x "
+                << counts[2] << " points for " << voxels
+                << " voxels, which are oblong or askew to the light; expected at most "
+                << kMostPerVoxel << " points a voxel: more even voxels, or a coarser spacing";
+        throw std::length_error(message.str());
     }
     slices = counts[0];
     rows = counts[1];

@@ -79,7 +79,7 @@ private:
         float direction[3];
         float weight[Colours], density[3];  // density: path densities of the channels, mean 1
         float full;                         // what roulette restores
-        int hero;
+        int hero, scatterings;
         bool deposits;
     };
     struct Vector {
@@ -117,6 +117,7 @@ private:
             }
             if (!enters) continue;
             photon.full = full;
+            photon.scatterings = 0;
             photon.deposits = context_.unscattered;
             if constexpr (Chromatic) {
                 photon.hero = std::min(int(3.0f * unit_of(lane.random.next())), 2);
@@ -310,6 +311,11 @@ private:
     VOLILLUM_INLINE bool scatter(Lane &lane) {
         ++result_.tally.scatterings;
         Photon &photon = lane.photon;
+        if (++photon.scatterings > kMostScatterings) {
+            for (int c = 0; c < Colours; ++c) result_.tally.given_up[c] += fixed(photon.weight[c]);
+            ++result_.tally.endless;
+            return false;
+        }
         float most = 0.0f;
         for (int c = 0; c < Colours; ++c) most = std::max(most, photon.weight[c]);
         const float level = kRouletteShare * photon.full;

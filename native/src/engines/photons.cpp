@@ -57,8 +57,10 @@ void add(PhotonTally &to, const PhotonTally &from) {
     add(to.missed, from.missed);
     add(to.absorbed, from.absorbed);
     add(to.roulette, from.roulette);
+    add(to.given_up, from.given_up);
     for (std::size_t face = 0; face < 6; ++face) add(to.escaped[face], from.escaped[face]);
     to.scatterings += from.scatterings;
+    to.endless += from.endless;
 }
 
 // Adds the threads' deposits of a pass to the sums and empties them. Not cancelled half way.
