@@ -202,13 +202,18 @@ class HardCase:
         return Scene(medium, lights, self.camera.camera(grid))
 
     def given(self, model: Model) -> dict[str, Value]:
-        """The parameters that this model has, its bounds put in."""
+        """The parameters that this model has, with what lies beyond its range at the nearest end:
+        one name may have another meaning and unit in each model."""
         found: dict[str, Value] = {}
         for parameter in model.parameters:
             if parameter.name in self.parameters:
                 value = self.parameters[parameter.name]
                 ends = {"minimum": parameter.minimum, "maximum": parameter.maximum}
-                found[parameter.name] = ends.get(value, value) if isinstance(value, str) else value
+                found[parameter.name] = (
+                    ends.get(value, value)
+                    if isinstance(value, str)
+                    else min(max(value, parameter.minimum), parameter.maximum)
+                )
         return found
 
 
