@@ -27,6 +27,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import matplotlib
 import volumes
 from matplotlib.figure import Figure as Drawing
+from matplotlib.ticker import NullFormatter
 
 from volillum_addon.compare.errors import FieldTruth, coefficient_errors, field_error, field_truth
 from volillum_addon.compare.measure import affordable
@@ -164,6 +165,7 @@ def draw(curves: Mapping[str, Mapping[str, list[Point]]], path: Path) -> None:
                 face = colour if point[2] else "white"
                 field.plot(x, y, "o", color=colour, markerfacecolor=face, markersize=5)
         field.set(xscale="log", yscale="log", xlabel="seconds", ylabel="relative RMS error, %")
+        field.xaxis.set_minor_formatter(NullFormatter())
         field.grid(visible=True, which="major", linewidth=0.3)
     for field in fields[len(shown) :]:
         field.set_axis_off()
