@@ -32,6 +32,7 @@ FEATURES: dict[str, Callable[[Analysis], bool]] = {
     "multiple scattering": _scatters_on,
     "phase function": lambda scene: scene.g != 0,
     "phase function of other light": lambda scene: scene.g != 0,
+    "phase function of area lights": lambda scene: scene.g != 0 and "area" in scene.kinds,
     "emission": lambda scene: scene.emission_channels > 0,
     "chromatic extinction": lambda scene: scene.extinction_channels == 3,
 }
