@@ -19,10 +19,11 @@ from volillum_addon.models.model import Model
 from volillum_addon.models.registry import MODELS, models
 
 CASES = catalogue()
-# What a refusal may name: lights that an equation does not know, a cone that turns too fast, the
-# scattering that would be left out, a lattice without end.
+# What a refusal may name: lights that an equation does not know or that do not shine, a cone that
+# turns too fast, the scattering that would be left out, a lattice without end.
 LIMITS = (
     "knows only lights of the kinds",
+    "of strength 0",
     "the cone toward it turns too fast",
     "toward a point light reach",
     "of the light's scatterings would be left out",
