@@ -108,7 +108,7 @@ FAULTS = (
         "Pack for_own = here * mean, for_next = f * mean;",
         "Pack for_own = f * mean, for_next = here * mean;",
         (
-            "tests/native/test_cone_transport.py::test_without_scattering_it_is_the_mean_transmittance[cubes]",
+            "tests/native/test_cone_transport.py::test_without_scattering_it_is_the_mean_transmittance",
         ),
     ),
     Fault(
