@@ -84,8 +84,9 @@ def test_compare_beside_the_interface(small: bpy.types.Scene) -> None:
         time.sleep(0.05)
     work.finish(job.result())
     check_result(small)
-    # Progress came over from the child, and the open file is what it was.
-    assert any("full scattering" in message for message in seen)
+    # Progress came over from the child (a stage may be over before it is looked at), and the open
+    # file is what it was.
+    assert len(seen - {""}) > 1, seen
     assert bpy.data.filepath == path
 
 
