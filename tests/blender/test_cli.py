@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
 import sys
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
+from command_line import ENVIRONMENT, Result, session
 from plumes import plume, write_plume
-from project_files import ROOT
 
 from volillum_addon.bake.grids import to_vdb
 from volillum_addon.bake.openvdb_module import openvdb
@@ -22,39 +20,7 @@ from volillum_addon.bake.vdb import read_metadata
 from volillum_addon.blender import terminal
 from volillum_addon.models.registry import MODELS, models
 
-ENVIRONMENT = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "tests"), *[
-    path for path in sys.path if "scripts" not in Path(path).parts]])}  # fmt: skip
 FEW = ["--set", "directions=8"]
-
-
-@dataclass(frozen=True)
-class Result:
-    status: int
-    out: str
-    err: str
-
-    @property
-    def line(self) -> str:
-        """The one line of the complaint."""
-        lines = self.err.splitlines()
-        assert len(lines) == 1, self.err
-        assert lines[0].startswith("volillum: ")
-        return lines[0].removeprefix("volillum: ")
-
-
-def session(folder: Path, *calls: list[str]) -> list[Result]:
-    """The calls, one after another, in a fresh process whose working directory is `folder`."""
-    (folder / "calls.json").write_text(json.dumps(calls))
-    done = subprocess.run(
-        [sys.executable, ROOT / "tests" / "cli_session.py", "calls.json", "results.json"],
-        cwd=folder,
-        env=ENVIRONMENT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return [Result(*each) for each in json.loads((folder / "results.json").read_text())]
 
 
 def start(folder: Path, *arguments: str) -> subprocess.Popen[str]:

@@ -20,7 +20,8 @@ from volillum_addon.models.registry import MODELS, models
 
 CASES = catalogue()
 # What a refusal may name: lights that an equation does not know or that do not shine, a cone that
-# turns too fast, the scattering that would be left out, a lattice without end.
+# turns too fast, the scattering that would be left out, a lattice without end, a phase function
+# that is too sharp.
 LIMITS = (
     "knows only lights of the kinds",
     "of strength 0",
@@ -28,6 +29,7 @@ LIMITS = (
     "toward a point light reach",
     "of the light's scatterings would be left out",
     "the light's lattice would be",
+    "knows media of g from",
 )
 MOST_REFUSED = 0.1
 

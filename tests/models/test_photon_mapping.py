@@ -425,6 +425,16 @@ def test_opaque_voxels_are_bounded() -> None:
 VIEWS = (np.array([0.0, 0.0, 1.0]), np.array([0.6, 0.0, 0.8]), np.array([-0.48, 0.64, -0.6]))
 
 
+@pytest.mark.parametrize("g", [0.96, -0.99])
+def test_a_sharper_phase_function_is_refused(g: float) -> None:
+    scene = Scene(replace(MEDIUM, g=g), (SKY,))
+    for refuses in (lambda: bake(scene, MODEL), lambda: photon_state(scene)):
+        with pytest.raises(InputError, match=f"from -0.95 to 0.95; the scene's has {g}"):
+            refuses()
+    sun = replace(scene, lights=(DistantLight((0, 0, 1), 1.0),))
+    assert bake(sun, "half_angle").in_scattered().values.max() > 0
+
+
 @pytest.mark.parametrize("g", [0.9, -0.5])
 def test_anisotropic_furnace_from_every_side(g: float) -> None:
     """Albedo 1 under an even sky: 1 toward every eye."""

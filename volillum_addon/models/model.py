@@ -11,7 +11,7 @@ from ..core.control import Control
 from ..core.errors import InputError, bad, choice, number
 from ..core.grid import Grid
 from ..core.lights import Light, shines
-from ..core.medium import Medium
+from ..core.medium import LARGEST_G, Medium
 from ..core.scene import Scene
 from .operator import Operator
 from .volume import IlluminationVolume, RadianceTerm
@@ -73,6 +73,7 @@ class Model:
     in; `operator` and `solve` get resolved values.
     `remarks(volume)` tells what a bake found out about its own limits, in plain words.
     `ladder` holds settings from fast to accurate, for measurements of error against time.
+    `largest_g` is the largest |g| of a medium that it can serve.
     `lights` are the kinds of light that it represents; `rebake_on` the scene's parts whose change
     makes its channels stale.
     """
@@ -90,6 +91,7 @@ class Model:
     solve: Callable[[Scene, Values, Control], dict[str, Grid]]
     radiance: Callable[[tuple[Light, ...], Medium, Values], tuple[RadianceTerm, ...]]
     ladder: tuple[Values, ...] = ()
+    largest_g: float = LARGEST_G
     resolve: Callable[[Scene, Values], Values] | None = None
     remarks: Callable[[IlluminationVolume], tuple[str, ...]] = lambda volume: ()
 
@@ -145,6 +147,11 @@ class Model:
                 )
             raise InputError(
                 f"{self.label} knows only lights of the kinds {wants}; the scene has {have}"
+            )
+        if abs(scene.medium.g) > self.largest_g:
+            raise InputError(
+                f"{self.label} knows media of g from {-self.largest_g:g} to {self.largest_g:g}; "
+                f"the scene's has {scene.medium.g:g}"
             )
         if operator.sees_camera:
             scene.need_camera()

@@ -40,6 +40,9 @@ from .photon_state import LEAST_PASSES, PACK, UNSCATTERED_SHARE, PhotonState
 from .settings import NEAR_SLICES
 from .volume import STANDARD_ERROR, Factor, IlluminationVolume, RadianceTerm
 
+# Beyond it the bands above l = 2 outweigh those that are stored, and no series tells by how much.
+SHARPEST = 0.95
+
 
 def operator(values: Values) -> Operator:
     """The row of this model."""
@@ -195,7 +198,11 @@ MODEL = Model(
         Need("every kind of light", "represents", "with its size"),
         Need("emission", "represents", "also as light on the medium"),
         Need("chromatic extinction", "represents", "all channels along one path"),
-        Need("phase function", "represents", "exactly for unscattered light of one direction"),
+        Need(
+            "phase function",
+            "represents",
+            f"exactly for unscattered light of one direction; g from {-SHARPEST} to {SHARPEST}",
+        ),
         Need("phase function of area lights", "approximates", "with its mean over their surface"),
         Need("phase function of other light", "approximates", "its bands 0 to 2"),
     ),
@@ -206,4 +213,5 @@ MODEL = Model(
     radiance=radiance,
     remarks=remarks,
     ladder=({"passes": 4}, {"passes": 16}, {"passes": 64}),
+    largest_g=SHARPEST,
 )
