@@ -12,7 +12,7 @@ from blender_scenes import write_grids
 from plumes import plume
 
 from volillum_addon.bake.vdb import read_metadata, read_vdb
-from volillum_addon.blender import frames, staleness, work
+from volillum_addon.blender import frames, showing, staleness, work
 from volillum_addon.blender.render import render_image, set_cycles
 from volillum_addon.models.registry import MODELS
 
@@ -103,7 +103,7 @@ def test_what_is_shown_is_each_frames_bake(scene: bpy.types.Scene, tmp_path: Pat
     scene.volillum.baked.frames = 0
     for frame, path in zip((2, 3, 4), paths, strict=True):
         scene.frame_set(frame)
-        work.show(scene, path)
+        showing.show(scene, path)
         alone = image(scene, tmp_path, frame)
         # The key frames are floats of the same constants: rounding alone remains.
         np.testing.assert_allclose(played[frame], alone, rtol=1e-5, atol=1e-6 * alone.max())
@@ -124,7 +124,7 @@ def test_a_sun_that_starts_on_an_axis_is_shown(scene: bpy.types.Scene, tmp_path:
     scene.volillum.baked.frames = 0
     for frame, path in ((2, paths[0]), (4, paths[2])):
         scene.frame_set(frame)
-        work.show(scene, path)
+        showing.show(scene, path)
         alone = image(scene, tmp_path, frame)
         # Sums of more terms round otherwise.
         np.testing.assert_allclose(played[frame], alone, rtol=1e-5, atol=1e-6 * alone.max())
@@ -155,7 +155,7 @@ def test_lights_that_come_and_go_are_shown(scene: bpy.types.Scene, tmp_path: Pat
     scene.volillum.baked.frames = 0
     for frame, path in zip((2, 3, 4), paths, strict=True):
         scene.frame_set(frame)
-        work.show(scene, path)
+        showing.show(scene, path)
         alone = image(scene, tmp_path, frame)
         np.testing.assert_allclose(played[frame], alone, rtol=1e-5, atol=1e-6 * alone.max())
     assert played[4].mean() > 1.2 * played[3].mean() == pytest.approx(1.2 * played[2].mean())
@@ -223,3 +223,24 @@ def test_a_log_line_says_all_of_a_frame(scene: bpy.types.Scene) -> None:
     assert said["hash"] == read_metadata(said["path"])["hash"]
     assert said["seconds_bake"] > 0
     assert not said["found"]
+
+
+def test_a_composition_plays_in_sync(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    """The sun turns, so that each frame has its own bake; the sky gains."""
+    scene.volillum.composition = "sun=multidirectional_occlusion,sky=spherical_harmonics"
+    scene.volillum.spherical_harmonics.directions = 8
+    turn_sun(scene)
+    background = next(n for n in scene.world.node_tree.nodes if "Strength" in n.inputs)
+    for frame, strength in ((2, 0.5), (4, 2.0)):
+        background.inputs["Strength"].default_value = strength
+        background.inputs["Strength"].keyframe_insert("default_value", frame=frame)
+    paths = bake(scene)
+    assert scene.volillum.baked.model == scene.volillum.composition
+    bpy.ops.volillum.show()
+    played = {frame: image(scene, tmp_path, frame) for frame in (2, 4)}
+    scene.volillum.baked.frames = 0
+    for frame, path in ((2, paths[0]), (4, paths[2])):
+        scene.frame_set(frame)
+        showing.show(scene, path)
+        alone = image(scene, tmp_path, frame)
+        np.testing.assert_allclose(played[frame], alone, rtol=1e-5, atol=1e-6 * alone.max())

@@ -14,7 +14,7 @@ import pytest
 from recording_layout import RecordingLayout
 
 from volillum_addon.bake.vdb import read_vdb
-from volillum_addon.blender import live, live_session, panels, staleness, work
+from volillum_addon.blender import live, live_session, panels, showing, staleness, work
 from volillum_addon.blender.constants import constants, same_nodes
 from volillum_addon.blender.display import show_bake
 from volillum_addon.core.control import Control
@@ -88,7 +88,7 @@ def assert_shown_as_show_would(scene: bpy.types.Scene) -> None:
     values, wanted = (constants(each.data.materials[0]) for each in (shown, fresh))
     assert same_nodes(values, wanted)
     assert values == wanted
-    work.discard(fresh)
+    showing.discard(fresh)
 
 
 def test_coarse_at_once_and_then_in_full(
@@ -224,7 +224,7 @@ def test_what_an_undo_takes_away_is_shown_again(
 ) -> None:
     settle(followed)
     path = shown_file(scene)
-    work.discard(scene.volillum.baked.shown)
+    showing.discard(scene.volillum.baked.shown)
     assert scene.volillum.baked.shown is None
     followed.look()
     assert shown_file(scene) == path
@@ -282,3 +282,23 @@ def test_a_coarse_bake_has_the_same_optical_depth(scene: bpy.types.Scene) -> Non
         for each in (whole, coarse)
     ]
     assert total[1] == pytest.approx(total[0], rel=1e-5)
+
+
+def test_a_composition_is_followed(
+    scene: bpy.types.Scene, followed: live.Live, bakes: list[str]
+) -> None:
+    pair = "sun=multidirectional_occlusion,sky=spherical_harmonics"
+    scene.volillum.composition = pair
+    settle(followed)
+    assert scene.volillum.baked.model == pair
+    assert read_vdb(shown_file(scene)).model == pair
+    assert_shown_as_show_would(scene)
+    done = list(bakes)
+    background = next(n for n in scene.world.node_tree.nodes if "Strength" in n.inputs)
+    background.inputs["Strength"].default_value *= 2
+    assert settle(followed)[-1].startswith("relit in")
+    assert bakes == done
+    placed(scene, "LIGHT").rotation_euler[0] += 0.3
+    settle(followed)
+    assert bakes == [*done, "coarse", "full"]
+    assert_shown_as_show_would(scene)

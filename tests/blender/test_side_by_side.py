@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 from recording_layout import RecordingLayout
 
-from volillum_addon.blender import panels, side_by_side, work
+from volillum_addon.bake.vdb import read_metadata
+from volillum_addon.blender import panels, work
+from volillum_addon.blender.placing import lattice_corners
 from volillum_addon.blender.render import render_image, set_cycles
 from volillum_addon.models.registry import MODELS
 
@@ -41,7 +43,7 @@ def test_all_models_stand_in_a_row_with_their_names(scene: bpy.types.Scene, tmp_
     source = volumes(scene)[0]
     before = blocks()
     assert bpy.ops.volillum.side_by_side() == {"FINISHED"}
-    row = side_by_side.standing(scene)
+    row = scene.volillum.exhibit
     assert row is not None
     shown = [each for each in row.objects if each.type == "VOLUME"]
     names = [each.data.body for each in row.objects if each.type == "FONT"]
@@ -54,7 +56,7 @@ def test_all_models_stand_in_a_row_with_their_names(scene: bpy.types.Scene, tmp_
     # Evenly from left to right about the volume's place, no two over each other.
     np.testing.assert_allclose(steps, steps[0], rtol=1e-5)
     assert abs(along.mean()) < 1e-5 * steps[0]
-    corners = side_by_side._corners(Path(bpy.path.abspath(shown[0].data.filepath)))
+    corners = lattice_corners(read_metadata(Path(bpy.path.abspath(shown[0].data.filepath))))
     assert steps[0] > np.ptp(corners @ right)
     # Each is seen where it should be: light in every seventh of the picture.
     scene.camera.location = (

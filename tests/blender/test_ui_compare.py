@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from volillum_addon.blender import child, comparing
+from volillum_addon.blender.compare_operators import VOLILLUM_OT_compare
 from volillum_addon.blender.jobs import Job, Work
-from volillum_addon.blender.operators import VOLILLUM_OT_compare
 from volillum_addon.core.control import Control
 from volillum_addon.core.errors import InputError
 

@@ -8,10 +8,12 @@ import bpy
 import pytest
 from recording_layout import RecordingLayout
 
-from volillum_addon.blender import modal, panels
+from volillum_addon.blender import compare_panel, modal, panels, properties
 from volillum_addon.blender.jobs import Job, Work
 from volillum_addon.models.model import Model
 from volillum_addon.models.registry import MODELS, get, models
+
+CLASSES = (*panels.CLASSES, *compare_panel.CLASSES)
 
 
 def draw(panel: type, scene: bpy.types.Scene) -> RecordingLayout:
@@ -22,11 +24,11 @@ def draw(panel: type, scene: bpy.types.Scene) -> RecordingLayout:
 
 
 def all_drawn(scene: bpy.types.Scene) -> dict[type, RecordingLayout]:
-    return {panel: draw(panel, scene) for panel in panels.CLASSES}
+    return {panel: draw(panel, scene) for panel in CLASSES}
 
 
 def test_panels_live_in_the_sidebar_of_the_3d_view() -> None:
-    for panel in panels.CLASSES:
+    for panel in CLASSES:
         assert (panel.bl_space_type, panel.bl_region_type) == ("VIEW_3D", "UI")
         assert panel.bl_category == "Volillum"
 
@@ -34,7 +36,7 @@ def test_panels_live_in_the_sidebar_of_the_3d_view() -> None:
 def test_a_fresh_scene(scene: bpy.types.Scene) -> None:
     drawn = all_drawn(scene)
     assert "volillum.bake" in drawn[panels.VOLILLUM_PT_bake].operators()
-    assert "volillum.compare" in drawn[panels.VOLILLUM_PT_compare].operators()
+    assert "volillum.compare" in drawn[compare_panel.VOLILLUM_PT_compare].operators()
     assert "plume, the only one" in drawn[panels.VOLILLUM_PT_volume].labels()
     # The preset gives the volume a material, so there is nothing to say about its density.
     assert "density_scale" not in drawn[panels.VOLILLUM_PT_volume].properties()
@@ -60,11 +62,36 @@ def test_a_volume_without_a_material(scene: bpy.types.Scene) -> None:
 def test_every_models_parameters_are_shown(scene: bpy.types.Scene, model: Model) -> None:
     scene.volillum.model = model.id
     layout = draw(panels.VOLILLUM_PT_model, scene)
-    assert layout.properties() == ["model", *(p.name for p in model.parameters)]
+    assert layout.properties() == ["model", "composition", *(p.name for p in model.parameters)]
     text = " ".join(layout.labels())
     assert model.summary in text
     for need in model.needs:
         assert f"{need.treatment} {need.feature}: {need.reason}" in text
+
+
+def test_a_composition_takes_the_models_place(scene: bpy.types.Scene) -> None:
+    scene.volillum.composition = "sun=half_angle,sky=spherical_harmonics"
+    layout = draw(panels.VOLILLUM_PT_model, scene)
+    parts = [parameter.name for id_ in ("half_angle", "spherical_harmonics")
+             for parameter in get(id_).parameters]  # fmt: skip
+    assert layout.properties() == ["model", "composition", *parts]
+    assert "Sun: Half angle" in layout.labels()
+    scene.volillum.composition = "sun=half_angle,lamp=half_angle"
+    layout = draw(panels.VOLILLUM_PT_model, scene)
+    assert "Sun and lamp: Half angle" in layout.labels()
+    assert layout.properties().count("theta") == 1
+    scene.volillum.composition = "sun=half_angle,moon=half_angle"
+    assert "'moon'" in " ".join(draw(panels.VOLILLUM_PT_model, scene).labels())
+
+
+def test_compositions_are_suggested(scene: bpy.types.Scene) -> None:
+    every = properties._compositions(scene.volillum, bpy.context, "")
+    assert len(every) == len(set(every)) > len(MODELS)
+    for pair in every:
+        assert get(pair).id == pair
+    some = properties._compositions(scene.volillum, bpy.context, "sky=Ambient")
+    assert some
+    assert all("sky=ambient_occlusion" in pair for pair in some)
 
 
 def test_what_a_model_leaves_out_of_this_scene_is_said(scene: bpy.types.Scene) -> None:
@@ -84,7 +111,7 @@ def test_results_and_their_report_are_shown(scene: bpy.types.Scene) -> None:
         line = settings.results.add()
         line.error, line.noise, line.reason, line.seconds = error, noise, reason, 1.5
         line.model = "sun=half_angle,sky=spherical_harmonics"
-    layout = draw(panels.VOLILLUM_PT_compare, scene)
+    layout = draw(compare_panel.VOLILLUM_PT_compare, scene)
     labels = layout.labels()
     assert "12.3 ± 0.4 %" in labels
     assert "< 0.4 %" in labels
@@ -105,7 +132,7 @@ def test_a_running_job_shows_its_progress(
     assert [name for name, _ in layout.log if name == "progress"] == ["progress"]
     assert "volillum.cancel" in layout.operators()
     assert "volillum.bake" not in layout.operators()
-    assert "volillum.compare" in draw(panels.VOLILLUM_PT_compare, scene).operators()
+    assert "volillum.compare" in draw(compare_panel.VOLILLUM_PT_compare, scene).operators()
 
 
 def test_lights_that_changed_are_to_be_shown_anew(scene: bpy.types.Scene) -> None:

@@ -75,7 +75,7 @@ def write_into(
     entries = {**(metadata or {}), **_described(volume, half)}
     texts = {PREFIX + name: json.dumps(value) for name, value in entries.items()}
     texts[PREFIX + HAND_OVER] = BLANK
-    near = _near_matter(volume.medium)
+    near = near_matter(volume.medium)
     grids = [to_vdb(grid, name, half) for name, grid in _stored(volume, near)]
     try:
         module.write(str(path), grids, metadata=texts)
@@ -259,7 +259,7 @@ def _stored(volume: IlluminationVolume, near: NDArray[np.bool_]) -> Iterator[tup
         yield PREFIX + name, channel.with_values(channel.values * mask)
 
 
-def _near_matter(medium: Medium) -> NDArray[np.bool_]:
+def near_matter(medium: Medium) -> NDArray[np.bool_]:
     """[i, j, k]: whether some voxel at most KEPT_MARGIN away along each axis holds matter."""
     near: NDArray[np.bool_] = (
         (medium.sigma_t.values != 0).reshape(*medium.sigma_t.shape, -1).any(-1)

@@ -14,10 +14,11 @@ from ..core.control import Control
 from ..core.errors import InputError
 from ..models.composition import Composition
 from ..models.registry import get
-from . import modal, panels, work, wrap
+from . import modal, work, wrap
 from .analysis_text import absent, answer_line, prediction_json, scene_lines
-from .failures import EXPECTED, one_line
+from .asked import scene_named
 from .jobs import Work
+from .sidebar import Sidebar, column, lines, progress_or_button
 
 
 def kept(scene: bpy.types.Scene) -> Mapping[str, Any]:
@@ -62,16 +63,13 @@ class VOLILLUM_OT_analyse(modal.WorkOperator, bpy.types.Operator):
             }
 
         def keep(result: dict[str, Any]) -> str:
-            target = bpy.data.scenes.get(name)
-            if target is None:
-                raise InputError(f"scene {name!r} is gone; expected it where the result belongs")
-            target.volillum.analysis = json.dumps(result)
+            scene_named(name).volillum.analysis = json.dumps(result)
             return str(result["answers"][0]["line"])
 
         return Work(compute, keep)
 
 
-class VOLILLUM_OT_use(bpy.types.Operator):
+class VOLILLUM_OT_use(modal.InstantOperator, bpy.types.Operator):
     """Set the recommended model and its parameters."""
 
     bl_idname = "volillum.use"
@@ -80,18 +78,14 @@ class VOLILLUM_OT_use(bpy.types.Operator):
 
     index: bpy.props.IntProperty(name="Answer", default=0, min=0, options={"SKIP_SAVE"})
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    @override
+    def perform(self, context: bpy.types.Context) -> str:
         """The parameters that the answer does not name stay as they are."""
-        scene = context.scene
-        answers = kept(scene).get("answers", [])
-        try:
-            if self.index >= len(answers) or answers[self.index]["use"] is None:
-                raise InputError(f"there is no answer {self.index} to use; expected one of Analyse")
-            take_over(scene.volillum, answers[self.index]["use"])
-        except EXPECTED as error:
-            self.report({"ERROR"}, one_line(error))
-            return {"CANCELLED"}
-        return {"FINISHED"}
+        answers = kept(context.scene).get("answers", [])
+        if self.index >= len(answers) or answers[self.index]["use"] is None:
+            raise InputError(f"there is no answer {self.index} to use; expected one of Analyse")
+        take_over(context.scene.volillum, answers[self.index]["use"])
+        return ""
 
 
 def take_over(settings: Any, answer: Mapping[str, Any]) -> None:
@@ -113,30 +107,24 @@ def _set(group: bpy.types.PropertyGroup, values: Mapping[str, Any]) -> None:
         setattr(group, name, value)
 
 
-class VOLILLUM_PT_analysis(bpy.types.Panel):
+class VOLILLUM_PT_analysis(Sidebar, bpy.types.Panel):
     """What to bake for this scene."""
 
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = panels.CATEGORY
     bl_label = "What to bake"
     bl_options = {"DEFAULT_CLOSED"}  # noqa: RUF012
 
     def draw(self, context: bpy.types.Context) -> None:
         """The request, the button, the answers, and what the scene has and lacks."""
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = column(self.layout)
         settings = context.scene.volillum
         room = wrap.room(context)
         for name in ("wanted_error", "wanted_seconds"):
             layout.prop(settings, name)
-        panels.progress_or_button(layout, "volillum.analyse", "VIEWZOOM")
-        layout.prop(settings, "composition", placeholder="sun=...,sky=...")
+        progress_or_button(layout, "volillum.analyse", "VIEWZOOM")
         found = kept(context.scene)
         for index, answer in enumerate(found.get("answers", ())):
             box = layout.box()
-            panels.lines(box, answer["line"], room - wrap.BOX, "INFO")
+            lines(box, answer["line"], room - wrap.BOX, "INFO")
             if answer["use"] is not None:
                 box.operator("volillum.use", icon="CHECKMARK").index = index
         if not found:
@@ -145,9 +133,9 @@ class VOLILLUM_PT_analysis(bpy.types.Panel):
         header.label(text="What the scene holds")
         if body is not None:
             for line in found["scene"]:
-                panels.lines(body, line.strip(), room)
+                lines(body, line.strip(), room)
             for line in found["absent"]:
-                panels.lines(body, f"absent: {line}", room, "X")
+                lines(body, f"absent: {line}", room, "X")
 
 
 CLASSES = (VOLILLUM_OT_analyse, VOLILLUM_OT_use, VOLILLUM_PT_analysis)

@@ -7,22 +7,29 @@ import bpy
 from ..resources import PRESETS
 from . import (
     analysis_panel,
+    compare_operators,
+    compare_panel,
     histogram,
     import_operators,
     live_session,
     modal,
     operators,
     panels,
+    show_operators,
+    stage,
     transfer_operators,
     transfer_panel,
 )
 
 CLASSES = (
     *operators.CLASSES,
+    *show_operators.CLASSES,
+    *compare_operators.CLASSES,
     *import_operators.CLASSES,
     *transfer_operators.CLASSES,
     *live_session.CLASSES,
     *panels.CLASSES,
+    *compare_panel.CLASSES,
     *analysis_panel.CLASSES,
     *transfer_panel.CLASSES,
 )
@@ -35,6 +42,7 @@ def register() -> None:
     for each in CLASSES:
         bpy.utils.register_class(each)
     live_session.register()
+    bpy.app.handlers.load_post.append(stage.hide_linked_again)
     import_operators.register_menu()
     bpy.utils.register_preset_path(PRESET_ROOT)
 
@@ -44,6 +52,7 @@ def unregister() -> None:
     modal.stop()
     bpy.utils.unregister_preset_path(PRESET_ROOT)
     import_operators.unregister_menu()
+    bpy.app.handlers.load_post.remove(stage.hide_linked_again)
     live_session.unregister()
     histogram.forget()
     for each in reversed(CLASSES):

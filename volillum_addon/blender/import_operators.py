@@ -16,6 +16,7 @@ from ..readers.gather import MOST_LEVEL
 from ..readers.raw import BYTE_ORDERS, TYPES, from_json, guessed
 from ..readers.source import Options, RawLayout
 from . import importing, modal
+from .asked import scene_named
 from .import_command import describe
 from .jobs import Work
 from .places import output_directory
@@ -92,7 +93,7 @@ class VOLILLUM_OT_import_volume(modal.WorkOperator, bpy.types.Operator):
         level, preset = self.level, self.transfer
 
         def finish(imported: importing.Imported) -> str:
-            importing.place(_scene(name), imported, size)
+            importing.place(scene_named(name), imported, size)
             return "; ".join([describe(imported.about), *imported.about.notes])
 
         return Work(
@@ -189,15 +190,8 @@ class VOLILLUM_FH_volume(bpy.types.FileHandler):
         return context.area is not None and context.area.type == "VIEW_3D"
 
 
-def _scene(name: str) -> bpy.types.Scene:
-    scene = bpy.data.scenes.get(name)
-    if scene is None:
-        raise InputError(f"scene {name!r} is gone; expected it where the volume belongs")
-    return scene
-
-
 def _added(name: str, path: Path) -> str:
-    item = importing.add_vdb(_scene(name), path)
+    item = importing.add_vdb(scene_named(name), path)
     frames = f", {item.data.frame_duration} frames" if item.data.is_sequence else ""
     return f"{item.name}{frames}"
 

@@ -25,13 +25,13 @@ from ..models.illuminate import illuminate, relight
 from ..models.model import Value
 from ..models.registry import get
 from ..models.volume import IlluminationVolume
-from . import staleness, work
+from . import showing, staleness, work
 from .constants import assign, constants, same_nodes
 from .display import display_material, displayed, grid_limit, shown_data
 from .jobs import Job, Work
 from .light_reader import read_lights
 from .places import output_directory
-from .properties import model_values
+from .properties import chosen_model, model_values
 from .scene_reader import Reading, read_scene_camera
 
 # As many voxels as two cores bake, write and load in a fraction of a second by any model's fast
@@ -101,7 +101,7 @@ class Live:
         self._drop_job()
         scene = bpy.data.scenes.get(self._scene)
         if scene is not None and self._shown is not None and self._shown.baked is None:
-            work.hide(scene)
+            showing.hide(scene)
         self._shown = None
         self._folder.cleanup()
 
@@ -138,7 +138,8 @@ class Live:
     def _start(self, scene: bpy.types.Scene, state: str, medium: str, coarse: bool) -> None:
         settings = scene.volillum
         reading = self._read(scene, medium)
-        model, values = settings.model, model_values(settings, settings.model)
+        model = chosen_model(settings)
+        values = model_values(settings, model)
         self._count += 1
         path = Path(self._folder.name) / f"{reading.stem}.{model}.live-{self._count}.vdb"
         directory = output_directory(settings.directory)
@@ -194,11 +195,9 @@ class Live:
             settings.baked.shown = shown
         else:
             before, shown.data = shown.data, data
-            work.discard_data(before)
+            showing.discard_data(before)
         source = work.chosen_volume(scene)
-        if source is not None:
-            settings.volume = source
-            source.hide_render = source.hide_viewport = True
+        showing.step_aside(scene, source, "BAKE", showing.NO_NOISE)
         if result.baked is not None and source is not None:
             work.keep(scene, result.baked, staleness.source(settings, source))
         self._forget(result)
@@ -230,7 +229,7 @@ class Live:
 
     def _lights(self, scene: bpy.types.Scene) -> str:
         volume = work.chosen_volume(scene)
-        return staleness.lighting(scene, volume, get(scene.volillum.model))
+        return staleness.lighting(scene, volume, get(chosen_model(scene.volillum)))
 
     def _forget(self, after: Result) -> None:
         """Remove the files that `after` replaces: of a coarse bake always, of a full one when the

@@ -15,6 +15,24 @@ def medium_material(name: str, glows: bool = False) -> bpy.types.Material:
     return material
 
 
+def plain_material(
+    name: str, grid: str, scale: float, albedo: tuple[float, float, float]
+) -> bpy.types.Material:
+    """A new material of extinction `scale` times the grid, per unit of length, and this albedo."""
+    material = bpy.data.materials.new(name)
+    tree = Tree(material.node_tree)
+    node = tree.node("ShaderNodeVolumeCoefficients")
+    density = tree.positive(grid)
+    shares = {"Scatter": albedo, "Absorption": tuple(1 - each for each in albedo)}
+    for part, share in shares.items():
+        weight = tuple(scale * each for each in share)
+        tree.feed(node.inputs[f"{part} Coefficients"], tree.vector("MULTIPLY", density, weight))
+    tree.feed(node.inputs["Emission Coefficients"], (0, 0, 0))
+    output = tree.node("ShaderNodeOutputMaterial")
+    tree.feed(output.inputs["Volume"], node.outputs["Volume"])
+    return material
+
+
 def show_medium(material: bpy.types.Material, glows: bool = False) -> None:
     """Make the material's volume shader read the coefficients, `glows`: emission too; other nodes
     stay."""

@@ -23,12 +23,41 @@ def current() -> Job[Any] | None:
     return _current
 
 
-class WorkOperator:
+class Reporting:
+    """What all operators have: a line for the user at the end, or what went wrong."""
+
+    report: Callable[[set[str], str], None]  # what bpy.types.Operator brings
+
+    def _say(self, line: str) -> set[str]:
+        if line:
+            self.report({"INFO"}, line)
+        return {"FINISHED"}
+
+    def _refuse(self, error: BaseException) -> set[str]:
+        self.report({"ERROR"}, one_line(error))
+        return {"CANCELLED"}
+
+
+class InstantOperator(Reporting):
+    """Mix into an operator that is done at once; `perform` is what the operator itself is."""
+
+    def perform(self, context: bpy.types.Context) -> str:
+        """Do it; the line to tell the user, which may be empty. Raises one of EXPECTED."""
+        raise NotImplementedError
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """An error is reported, which raises RuntimeError in a script."""
+        try:
+            return self._say(self.perform(context))
+        except EXPECTED as error:
+            return self._refuse(error)
+
+
+class WorkOperator(Reporting):
     """Mix into an operator; `prepare` and, where it differs from the interface,
     `prepare_beside` are what the operator itself is."""
 
     bl_label = ""
-    report: Callable[[set[str], str], None]  # what bpy.types.Operator brings
     _job: Job[Any] | None = None
     _work: Work[Any] | None = None
     _timer: bpy.types.Timer | None = None
@@ -106,14 +135,6 @@ class WorkOperator:
             context.window_manager.event_timer_remove(self._timer)
         self._timer = self._job = self._work = _current = None
         _show(context, None)
-
-    def _say(self, line: str) -> set[str]:
-        self.report({"INFO"}, line)
-        return {"FINISHED"}
-
-    def _refuse(self, error: BaseException) -> set[str]:
-        self.report({"ERROR"}, one_line(error))
-        return {"CANCELLED"}
 
 
 def stop() -> None:

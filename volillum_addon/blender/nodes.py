@@ -84,6 +84,10 @@ class Tree:
             self._attributes[grid] = self.node("ShaderNodeAttribute", attribute_name=grid)
         return self._attributes[grid].outputs["Vector"]
 
+    def component(self, name: str) -> bpy.types.NodeSocket:
+        """A scalar grid, or a mesh's attribute, as a number."""
+        return self.node("ShaderNodeAttribute", attribute_name=name).outputs["Fac"]
+
     def positive(self, grid: str) -> bpy.types.NodeSocket:
         """A grid without negative values, interpolated in full.
 

@@ -9,10 +9,11 @@ import bpy
 
 from ..bake.grids import grid_names
 from ..core.errors import InputError
-from ..models.composition import Composition
-from ..models.model import Value
+from ..models.composition import GROUPS, Composition
+from ..models.model import Model, Parameter, Value
 from ..models.registry import get, models
 from . import parameters
+from .stage import Stage
 
 
 def _is_volume(_settings: Any, item: bpy.types.Object) -> bool:
@@ -28,6 +29,13 @@ def _grids(settings: Any, _context: bpy.types.Context, text: str) -> list[str]:
         return [name for name in grid_names(path) if text.lower() in name.lower()]
     except (InputError, OSError):
         return []  # Bake says what is wrong with the file; a list of suggestions need not.
+
+
+def _compositions(_settings: Any, _context: bpy.types.Context, text: str) -> list[str]:
+    """The pairs of models for sun and sky that hold the text."""
+    known = {kind: [m.id for m in models() if GROUPS[kind] & m.lights] for kind in ("sun", "sky")}
+    pairs = [f"sun={sun},sky={sky}" for sun in known["sun"] for sky in known["sky"]]
+    return [pair for pair in pairs if text.strip().lower() in pair]
 
 
 def _still(kind: Any, name: str, description: str = "", **arguments: Any) -> Any:
@@ -149,6 +157,16 @@ class Settings(bpy.types.PropertyGroup):
         min=1,
         soft_max=3600,
     )
+    error_limit: _number(
+        "Full colour at",
+        "The error in the volume that has the full colour, relative to the RMS of the radiance of "
+        "full scattering; one scale for all models",
+        subtype="PERCENTAGE",
+        default=100,
+        min=1,
+        soft_max=200,
+    )
+    errors: _text("Errors", "The figures of the errors that were shown last")
     width: _still(
         bpy.props.IntProperty,
         "Width",
@@ -161,6 +179,7 @@ class Settings(bpy.types.PropertyGroup):
     composition: _text(
         "Each kind of light",
         "Its own model, as sun=ID,sky=ID with the models' own parameters; empty: one model for all",
+        search=_compositions,
     )
     wanted_error: _number(
         "Error",
@@ -181,6 +200,12 @@ class Settings(bpy.types.PropertyGroup):
     analysis: _text("Analysis", "What the last analysis said, as JSON")
     baked: bpy.props.PointerProperty(type=Baked)
     other: bpy.props.PointerProperty(type=Baked, description="The bake before the last one")
+    stage: bpy.props.PointerProperty(type=Stage)
+    exhibit: bpy.props.PointerProperty(
+        name="Exhibit",
+        description="What stands in the volume's place beside a single bake",
+        type=bpy.types.Collection,
+    )
     results: bpy.props.CollectionProperty(type=Result)
     report: _text("Report", subtype="FILE_PATH")
 
@@ -189,7 +214,7 @@ class Settings(bpy.types.PropertyGroup):
 Settings.__annotations__ |= {
     id_: bpy.props.PointerProperty(type=group) for id_, group in parameters.GROUPS.items()
 }
-CLASSES = (*parameters.GROUPS.values(), Baked, Result, Settings)
+CLASSES = (*parameters.GROUPS.values(), Baked, Result, Stage, Settings)
 
 
 def chosen_model(settings: Any) -> str:
@@ -206,6 +231,26 @@ def model_values(settings: Any, model: str) -> dict[str, Value]:
     for part in chosen.parts:
         found |= part.named(model_values(settings, part.model.id))
     return found
+
+
+def parameter_groups(
+    settings: Any, model: Model
+) -> list[tuple[str, bpy.types.PropertyGroup, tuple[Parameter, ...]]]:
+    """Where the model's parameters are set: a title, the group, the parameters; of a composition
+    each model's, once."""
+    if not isinstance(model, Composition):
+        return [("", getattr(settings, model.id), model.parameters)]
+    parts: dict[str, list[str]] = {}
+    for part in model.parts:
+        parts.setdefault(part.model.id, []).append(part.name)
+    return [
+        (
+            f"{' and '.join(names).capitalize()}: {get(id_).label}",
+            getattr(settings, id_),
+            get(id_).parameters,
+        )
+        for id_, names in parts.items()
+    ]
 
 
 def all_values(settings: Any) -> dict[str, dict[str, Value]]:

@@ -60,7 +60,7 @@ def read_scene(
     medium, notes = read_medium(
         volume_material(placed),
         load,
-        density_grid or _density_name(available),
+        density_grid or density_name(available),
         density_factor(placed),
         settings or MediumSettings(),
     )
@@ -141,7 +141,8 @@ def _only_volume(scene: bpy.types.Scene) -> bpy.types.Object:
     return volumes[0]
 
 
-def _density_name(available: list[str] | tuple[str, ...]) -> str:
+def density_name(available: list[str] | tuple[str, ...]) -> str:
+    """The grid that is the density where none is named: `density`, or the only one."""
     if DENSITY in available or len(available) != 1:
         return DENSITY
     return next(iter(available))

@@ -23,7 +23,7 @@ from ..models.model import Model, Value
 from ..models.registry import get
 from .frames import files, frame_file, frame_of, kept_frame
 from .outline import closures, outline
-from .properties import model_values
+from .properties import chosen_model, model_values
 
 # What of a source does not move: of a sequence, all else may differ from frame to frame.
 STILL = "the volume's file or grid"
@@ -79,7 +79,7 @@ def state(scene: bpy.types.Scene, volume: bpy.types.Object) -> tuple[str, str]:
     """What the chosen model's bake of the scene as it is now would depend on, and the medium's part
     of that, as digests. Raises InputError where the scene cannot be read or served."""
     settings = scene.volillum
-    model = get(settings.model)
+    model = get(chosen_model(settings))
     bare = outline(scene, volume)
     model.check(bare)
     medium = _digest([*source(settings, volume).values(), bare.medium.g])

@@ -13,7 +13,6 @@ from ..core.errors import InputError
 from ..readers.medium_file import apply
 from ..readers.transfer_presets import load_file
 from . import importing, modal, transfer, work
-from .failures import EXPECTED, one_line
 from .jobs import Work
 from .places import output_directory
 
@@ -59,7 +58,7 @@ class VOLILLUM_OT_apply_transfer(modal.WorkOperator, bpy.types.Operator):
         return Work(lambda control: apply(values, function, directory, control), finish)
 
 
-class VOLILLUM_OT_load_transfer(bpy.types.Operator):
+class VOLILLUM_OT_load_transfer(modal.InstantOperator, bpy.types.Operator):
     """Take a transfer function from a preset; Apply makes the volume of it."""
 
     bl_idname = "volillum.load_transfer"
@@ -69,21 +68,17 @@ class VOLILLUM_OT_load_transfer(bpy.types.Operator):
     filepath: bpy.props.StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
     menu_idname: bpy.props.StringProperty(options={"SKIP_SAVE", "HIDDEN"})
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    @override
+    def perform(self, context: bpy.types.Context) -> str:
         """A preset of the extension's, or one that was saved."""
-        path = Path(self.filepath)
-        try:
-            material = _material(context)
-            if path.suffix == ".json":
-                transfer.write(material, load_file(path, transfer.about(material)))
-            else:
-                # Saved by Blender's preset system: a script that sets the text.
-                transfer.from_preset(material, saved(path))
-        except EXPECTED as error:
-            self.report({"ERROR"}, one_line(error))
-            return {"CANCELLED"}
+        path, material = Path(self.filepath), _material(context)
+        if path.suffix == ".json":
+            transfer.write(material, load_file(path, transfer.about(material)))
+        else:
+            # Saved by Blender's preset system: a script that sets the text.
+            transfer.from_preset(material, saved(path))
         VOLILLUM_MT_transfer_presets.bl_label = bpy.path.display_name(path.stem)
-        return {"FINISHED"}
+        return ""
 
 
 def saved(path: Path) -> dict[str, Any]:

@@ -5,15 +5,16 @@ from __future__ import annotations
 import bpy
 
 from ..core.errors import InputError
-from . import histogram, panels, transfer, wrap
+from . import histogram, transfer, wrap
 from .medium_builder import phase_socket
+from .sidebar import Sidebar, column, lines, progress_or_button
 from .transfer_operators import VOLILLUM_MT_transfer_presets
 
 # The histogram's height, in rows.
 ROWS = 8.0
 
 
-class VOLILLUM_PT_transfer(panels._Sidebar, bpy.types.Panel):
+class VOLILLUM_PT_transfer(Sidebar, bpy.types.Panel):
     """How the values of an imported volume become matter."""
 
     bl_label = "Transfer function"
@@ -26,7 +27,7 @@ class VOLILLUM_PT_transfer(panels._Sidebar, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Presets, the histogram in the ramp's colours, the ramp, and what is not yet applied."""
-        layout = panels._column(self.layout)
+        layout = column(self.layout)
         material = transfer.material_of(context.scene)
         assert material is not None  # poll
         settings, room = material.volillum, wrap.room(context)
@@ -44,9 +45,9 @@ class VOLILLUM_PT_transfer(panels._Sidebar, bpy.types.Panel):
             layout.template_icon(icon_value=picture, scale=ROWS)
             unit = f" {known.unit}" if known.unit else ""
             kind = f"{known.kind.upper()}, " if known.kind else ""
-            panels.lines(layout, f"{kind}{known.low:g} to {known.high:g}{unit}", room)
+            lines(layout, f"{kind}{known.low:g} to {known.high:g}{unit}", room)
         except InputError as error:
-            panels.lines(layout, str(error), room, "ERROR")
+            lines(layout, str(error), room, "ERROR")
         layout.prop(settings, "logarithmic")
         layout.template_color_ramp(transfer.ramp_node(material), "color_ramp", expand=True)
         values = layout.column(align=True)
@@ -58,8 +59,8 @@ class VOLILLUM_PT_transfer(panels._Sidebar, bpy.types.Panel):
         if phase is not None:
             layout.prop(phase, "default_value", text="Anisotropy")
         if stale:
-            panels.lines(layout, "Not applied yet: what is shown and baked is older", room, "INFO")
-        panels.progress_or_button(layout, "volillum.apply_transfer", "CHECKMARK")
+            lines(layout, "Not applied yet: what is shown and baked is older", room, "INFO")
+        progress_or_button(layout, "volillum.apply_transfer", "CHECKMARK")
 
 
 CLASSES = (VOLILLUM_PT_transfer,)

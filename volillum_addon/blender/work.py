@@ -10,18 +10,17 @@ from typing import Any
 
 import bpy
 
+from ..bake.grids import grid_names
 from ..bake.run import Baked, bake_file
 from ..bake.store import StorageError
 from ..core.control import Control
 from ..core.errors import InputError
 from ..models.model import Value
 from ..models.registry import models
-from . import scene_presets, staleness
-from .display import show_bake
-from .display_frames import show_frames
+from . import scene_presets, stage, staleness
 from .medium_reader import MediumSettings
-from .properties import model_values
-from .scene_reader import Reading, read_scene
+from .properties import chosen_model, model_values
+from .scene_reader import Reading, read_scene, volume_path
 
 # What a kept bake is, apart from how it is shown now.
 BAKE = ("path", "frames", "model", "seconds", "found", "notes", "source")
@@ -32,12 +31,19 @@ def chosen_volume(scene: bpy.types.Scene) -> bpy.types.Object | None:
     settings = scene.volillum
     if settings.volume is not None:
         return settings.volume
-    shown = settings.baked.shown
+    shown, aside = settings.baked.shown, stage.stepped_aside()
+    exhibited = [] if settings.exhibit is None else list(settings.exhibit.objects)
     volumes = [
         each for each in scene.objects
-        if each.type == "VOLUME" and each != shown and not each.hide_render
+        if each.type == "VOLUME" and each != shown and each not in exhibited
+        and (not each.hide_render or each in aside)
     ]  # fmt: skip
     return volumes[0] if len(volumes) == 1 else None
+
+
+def grids_of(volume: bpy.types.Object) -> tuple[str, ...]:
+    """The names of the grids in the volume's file. Raises InputError."""
+    return grid_names(volume_path(volume))
 
 
 def read(scene: bpy.types.Scene) -> Reading:
@@ -129,55 +135,16 @@ def noted_source(scene: bpy.types.Scene) -> dict[str, str]:
     return staleness.source(scene.volillum, volume)
 
 
-def show(scene: bpy.types.Scene, path: Path) -> bpy.types.Object:
-    """Show a bake in place of its volume, under the scene's lights as they are now; a sequence
-    under those of each frame."""
-    settings = scene.volillum
-    volume = chosen_volume(scene)
-    before = settings.baked.shown
-    if settings.baked.frames:
-        shown = show_frames(path, scene, scene.collection)
-    else:
-        shown = show_bake(path, scene, scene.collection, settings.as_radiance)
-    if before is not None and before != shown:
-        discard(before)
-    settings.baked.shown = shown
-    settings.baked.lighting = staleness.noted_lighting(scene, volume)
-    if volume is not None:
-        settings.volume = volume
-        volume.hide_render = volume.hide_viewport = True
-    return shown
-
-
-def hide(scene: bpy.types.Scene) -> None:
-    """Show the volume itself again instead of its bake."""
-    settings = scene.volillum
-    if settings.baked.shown is not None:
-        discard(settings.baked.shown)
-    if settings.volume is not None:
-        settings.volume.hide_render = settings.volume.hide_viewport = False
-
-
-def discard(shown: bpy.types.Object) -> None:
-    """Remove a shown bake with its data and material, where nothing else uses them."""
-    data = shown.data
-    bpy.data.objects.remove(shown)
-    discard_data(data)
-
-
-def discard_data(data: bpy.types.Volume) -> None:
-    """Remove a shown bake's data and material, where nothing else uses them."""
-    materials = [material for material in data.materials if material is not None]
-    for block in (data, *materials):
-        if block.users == 0:
-            bpy.data.batch_remove([block])
-
-
 def make_scene(volume: Path, preset: str, target: Path) -> None:
     """A .blend with the volume in the preset's light; replaces what is open in this Blender."""
     from .scene_builder import save_scene
 
     save_scene(volume, scene_presets.load(preset), target)
+
+
+def all_models(settings: Any) -> tuple[str, ...]:
+    """Every model, and the composition where one is named. Raises InputError."""
+    return tuple(dict.fromkeys([*(model.id for model in models()), chosen_model(settings)]))
 
 
 def chosen_models(scene: bpy.types.Scene, ids: tuple[str, ...]) -> dict[str, dict[str, Value]]:
