@@ -120,7 +120,7 @@ def error_file(scene: Scene, baked: Path, reference: Path) -> FieldError:
     figures = _found(path)
     if figures is None:
         error, figures = measure(volume, full, scene)
-        _write(path, volume, error, figures)
+        write_error(path, volume, error, figures)
     return FieldError(path, volume.model, notes=left_out(scene, volume.model), **figures)
 
 
@@ -132,9 +132,10 @@ def _found(path: Path) -> dict[str, float] | None:
         return None
 
 
-def _write(
+def write_error(
     path: Path, volume: IlluminationVolume, error: NDArray[np.float32], figures: Mapping[str, float]
 ) -> None:
+    """Write the error [i, j, k] of a volume and its figures. Raises StorageError."""
     sigma_t = volume.medium.sigma_t
     density = sigma_t.values if sigma_t.channels == 1 else sigma_t.values.mean(-1)
     grids: dict[str, Grid] = {

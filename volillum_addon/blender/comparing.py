@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 
 from ..bake.vdb import write_vdb
+from ..compare import flip
 from ..compare.measure import Options
 from ..compare.results import Comparison
 from ..compare.run import Candidate
@@ -47,6 +48,7 @@ def compare(
     reading = work.read(scene)
     reading.scene.need_camera()
     check_cycles()
+    flip.check()
     full_width, full_height = image_size(scene)
     across = round(number("width", width or full_width, 8, 65536, "pixels"))
     down = max(1, round(across * full_height / full_width))

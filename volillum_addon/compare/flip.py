@@ -17,16 +17,18 @@ noise only adds, so that the figure before the correction is above the truth.
 
 from __future__ import annotations
 
+import importlib.util
 import math
+import platform
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-import flip_evaluator
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.colour import LUMINANCE
+from ..core.errors import InputError
 from .metrics import DETECTION, Image, Mask
 
 Values = NDArray[np.float64]
@@ -46,6 +48,15 @@ class Flip:
     value: float
     noise: float
     is_bound: bool
+
+
+def check() -> None:
+    """Raise InputError where flip-evaluator is missing: it is published for Python 3.13 alone, and
+    some Blenders are built with a newer one."""
+    if importlib.util.find_spec("flip_evaluator") is None:
+        version = platform.python_version()
+        raise InputError(f"flip-evaluator is not there for Python {version}; expected a Blender "
+                         "with Python 3.13, as the Blender Foundation's, to compare")  # fmt: skip
 
 
 class Eye:
@@ -98,6 +109,8 @@ class Eye:
         return Flip(bound, bound, is_bound=bound > 0)
 
     def _see(self, picture: NDArray[np.floating], truth: NDArray[np.floating]) -> float:
+        import flip_evaluator  # not there for every Python, and only comparisons need it
+
         pictures = [
             np.ascontiguousarray(np.maximum(each, 0), np.float32) for each in (truth, picture)
         ]
