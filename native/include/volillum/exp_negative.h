@@ -1,7 +1,7 @@
 // The exponential of the kernels, one pack at a time.
 #pragma once
 
-#include "volillum/real.h"
+#include "volillum/pack.h"
 
 namespace volillum {
 
@@ -10,6 +10,7 @@ namespace volillum {
 // would become denormal (and slow).
 // exp(-x) = 2^-n 2^r with n the nearest integer to x / ln 2; the polynomial is the minimax one of
 // degree 5 in the relative error of 2^r on [-1/2, 1/2] that is 1 at 0 (0.9e-7).
+template <class Pack>
 VOLILLUM_INLINE void exp_negative(Pack &x) {
     if constexpr (sizeof(Real) == sizeof(float)) {
         using Bits [[gnu::vector_size(sizeof(Pack))]] = std::int32_t;
@@ -26,7 +27,7 @@ VOLILLUM_INLINE void exp_negative(Pack &x) {
         const Pack value = (Pack)((Bits)p + ((Bits)shifted << 23));
         x = x < Real(87) ? value : Pack{};
     } else {
-        for (int lane = 0; lane < kLanes; ++lane) x[lane] = std::exp(-x[lane]);
+        for (int lane = 0; lane < lanes_of<Pack>; ++lane) x[lane] = std::exp(-x[lane]);
     }
 }
 

@@ -23,7 +23,8 @@ using Index3 = std::array<int, 3>;
 using Vec3d = std::array<double, 3>;
 
 // Lengths of rows that kernels loop over are rounded up to this many numbers, so that every loop
-// is whole vectors (16 float lanes of AVX-512) and no remainder is computed in another order.
+// is whole vectors (a cache line, 16 float lanes of AVX-512) and no remainder is computed in
+// another order.
 constexpr int kLanes = 16;
 constexpr int round_up(int count) {
     return (count + kLanes - 1) / kLanes * kLanes;
@@ -44,18 +45,6 @@ struct LineAllocator {
     friend bool operator==(const LineAllocator &, const LineAllocator &) { return true; }
 };
 using Reals = std::vector<Real, LineAllocator<Real>>;
-
-// kLanes numbers in vector registers, and the same at any address. Only as local variables and
-// through references: how they are passed by value depends on the instruction set.
-using Pack [[gnu::vector_size(kLanes * sizeof(Real))]] = Real;
-using LoosePack
-    [[gnu::vector_size(kLanes * sizeof(Real)), gnu::aligned(alignof(Real)), gnu::may_alias]] = Real;
-VOLILLUM_INLINE const LoosePack &pack(const Real *p) {
-    return *reinterpret_cast<const LoosePack *>(p);
-}
-VOLILLUM_INLINE LoosePack &pack(Real *p) {
-    return *reinterpret_cast<LoosePack *>(p);
-}
 
 // exp(-x) for x >= 0 without branches, so that loops over it become vector code. Relative error
 // below 2e-7; exactly 0 from x = 87 on, where the result would become denormal (and slow).

@@ -9,9 +9,10 @@ namespace {
 // Radiance below this share of the light's counts as none: it would become denormal, and slow.
 constexpr Real kDark = Real(1e-30);
 
+template <class Pack>
 VOLILLUM_INLINE void sample(const Rows &rows, const Taps &taps, int c, Pack &value) {
-    value = taps.w00 * pack(rows.upper + c) + taps.w01 * pack(rows.upper + c + 1) +
-            taps.w10 * pack(rows.lower + c) + taps.w11 * pack(rows.lower + c + 1);
+    value = taps.w00 * pack<Pack>(rows.upper + c) + taps.w01 * pack<Pack>(rows.upper + c + 1) +
+            taps.w10 * pack<Pack>(rows.lower + c) + taps.w11 * pack<Pack>(rows.lower + c + 1);
 }
 
 // Where on its step a ray loses its light, on average: 0 at the end, 1 at the begin, for an
@@ -19,6 +20,7 @@ VOLILLUM_INLINE void sample(const Rows &rows, const Taps &taps, int c, Pack &val
 // integral of u exp(-tau(u)) tau'(u) over [0, 1], over 1 - exp(-(a + b) / 2), with
 // tau(u) = b u + (a - b) u^2 / 2. A rational fit with the exact limits for thin steps,
 // (2 a + b) / (3 (a + b)), and for thick ones, 1 / b; off by at most 0.017 between.
+template <class Pack>
 VOLILLUM_INLINE void mean_distance(const Pack &a, const Pack &b, Pack &distance) {
     constexpr Real tiny = Real(1e-20);
     const Pack linear = a + a + b + tiny;
@@ -31,20 +33,21 @@ VOLILLUM_INLINE void mean_distance(const Pack &a, const Pack &b, Pack &distance)
 }
 
 // The columns of the lanes from c on.
+template <class Pack>
 VOLILLUM_INLINE void columns_of(int c, Pack &columns) {
-    for (int lane = 0; lane < kLanes; ++lane) columns[lane] = Real(c + lane);
+    for (int lane = 0; lane < lanes_of<Pack>; ++lane) columns[lane] = Real(c + lane);
 }
 
-template <int Albedos, bool ends>
+template <class Pack, int Albedos, bool ends>
 VOLILLUM_INLINE void step(const StepRow &row, int begin, int count) {
     const RayRow rays = row.rays;
     const SliceRows before = row.before, here = row.here;
     const Taps taps_before = row.taps_before, taps_here = row.taps_here;
     const int shift = row.shift;
     // In place: where rays move to larger columns the last come first.
-    const int stride = shift > 0 ? -kLanes : kLanes;
-    int c = shift > 0 ? begin + count - kLanes : begin;
-    for (int left = count; left > 0; left -= kLanes, c += stride) {
+    const int stride = shift > 0 ? -lanes_of<Pack> : lanes_of<Pack>;
+    int c = shift > 0 ? begin + count - lanes_of<Pack> : begin;
+    for (int left = count; left > 0; left -= lanes_of<Pack>, c += stride) {
         Pack a, b;
         sample(before.sigma_t, taps_before, c, a);
         sample(here.sigma_t, taps_here, c, b);
@@ -66,90 +69,79 @@ VOLILLUM_INLINE void step(const StepRow &row, int begin, int count) {
         const Pack lost = toward_a * a + toward_b * b;
         const Pack per_lost = lost > 0 ? length / lost : Pack{};
         const Pack interacting = Real(1) - transmitted;
-        const Pack t = transmitted * pack(rays.seen + c - shift);
+        const Pack t = transmitted * pack<Pack>(rays.seen + c - shift);
         for (int i = 0; i < Albedos; ++i) {
             Pack absorbed_a, absorbed_b, in_scattered;
             sample(before.sigma_a[i], taps_before, c, absorbed_a);
             sample(here.sigma_a[i], taps_here, c, absorbed_b);
             sample(before.in_scattered[i], taps_before, c, in_scattered);
             const Pack absorbed_share = per_lost * (toward_a * absorbed_a + toward_b * absorbed_b);
-            const Pack radiance = pack(rays.known[i] + c - shift) +
-                                  (Real(1) - pack(rays.missing[i] + c - shift)) * in_scattered;
+            const Pack radiance =
+                pack<Pack>(rays.known[i] + c - shift) +
+                (Real(1) - pack<Pack>(rays.missing[i] + c - shift)) * in_scattered;
             const Pack scattered = interacting * (Real(1) - absorbed_share);
             // The same sum twice: without absorption the two agree to the last bit where the
             // radiance and L_i are 1.
             const Pack scattered_a = scattered * toward_a;
             const Pack k = transmitted * radiance + scattered_a * in_scattered;
-            pack(rays.known[i] + c) = k > kDark ? k : Pack{};
-            pack(rays.missing[i] + c) = transmitted + scattered_a + interacting * absorbed_share;
+            pack<Pack>(rays.known[i] + c) = k > kDark ? k : Pack{};
+            pack<Pack>(rays.missing[i] + c) =
+                transmitted + scattered_a + interacting * absorbed_share;
         }
-        pack(rays.seen + c) = t > kDark ? t : Pack{};
+        pack<Pack>(rays.seen + c) = t > kDark ? t : Pack{};
     }
 }
 
-template <bool local>
+template <class Pack, bool local>
 VOLILLUM_INLINE void add(const Real *value, const AddRow &row, int begin, int count, Real *own,
                          Real *next) {
     const Real f = row.row_fraction, g = row.column_fraction;
     const Real before = row.weight * g, at = row.weight * (1 - g), here = 1 - f;
-    for (int c = begin; c < begin + count; c += kLanes) {
-        const Pack mean = before * pack(value + c - 1) + at * pack(value + c);
+    for (int c = begin; c < begin + count; c += lanes_of<Pack>) {
+        const Pack mean = before * pack<Pack>(value + c - 1) + at * pack<Pack>(value + c);
         Pack for_own = here * mean, for_next = f * mean;
         if constexpr (local) {
-            for_own *= pack(row.own_weights + c);
-            for_next *= pack(row.next_weights + c);
+            for_own *= pack<Pack>(row.own_weights + c);
+            for_next *= pack<Pack>(row.next_weights + c);
         }
-        pack(own + c) = pack(own + c) + for_own;
-        pack(next + c) = pack(next + c) + for_next;
+        pack<Pack>(own + c) = pack<Pack>(own + c) + for_own;
+        pack<Pack>(next + c) = pack<Pack>(next + c) + for_next;
     }
+}
+
+template <class Pack, bool local>
+VOLILLUM_INLINE void add_all(const AddRow &row, int albedos, int begin, int count) {
+    add<Pack, local>(row.rays.seen, row, begin, count, row.own.seen, row.next.seen);
+    for (int i = 0; i < albedos; ++i) {
+        add<Pack, local>(row.rays.known[i], row, begin, count, row.own.known[i], row.next.known[i]);
+        add<Pack, local>(row.rays.missing[i], row, begin, count, row.own.missing[i],
+                         row.next.missing[i]);
+    }
+}
+
+template <int Albedos, bool ends>
+void step_in_packs(const StepRow &row, int begin, int count) {
+    in_packs([=, &row]<class Pack>(Width<Pack>)
+                 VOLILLUM_LAMBDA { step<Pack, Albedos, ends>(row, begin, count); });
 }
 
 template <bool local>
-VOLILLUM_INLINE void add_all(const AddRow &row, int albedos, int begin, int count) {
-    add<local>(row.rays.seen, row, begin, count, row.own.seen, row.next.seen);
-    for (int i = 0; i < albedos; ++i) {
-        add<local>(row.rays.known[i], row, begin, count, row.own.known[i], row.next.known[i]);
-        add<local>(row.rays.missing[i], row, begin, count, row.own.missing[i], row.next.missing[i]);
-    }
-}
-
-[[gnu::flatten]] VOLILLUM_DISPATCH void step_one(const StepRow &row, int begin, int count) {
-    step<1, false>(row, begin, count);
-}
-
-[[gnu::flatten]] VOLILLUM_DISPATCH void step_three(const StepRow &row, int begin, int count) {
-    step<3, false>(row, begin, count);
-}
-
-[[gnu::flatten]] VOLILLUM_DISPATCH void end_one(const StepRow &row, int begin, int count) {
-    step<1, true>(row, begin, count);
-}
-
-[[gnu::flatten]] VOLILLUM_DISPATCH void end_three(const StepRow &row, int begin, int count) {
-    step<3, true>(row, begin, count);
-}
-
-[[gnu::flatten]] VOLILLUM_DISPATCH void add_even(const AddRow &row, int albedos, int begin,
-                                                 int count) {
-    add_all<false>(row, albedos, begin, count);
-}
-
-[[gnu::flatten]] VOLILLUM_DISPATCH void add_local(const AddRow &row, int albedos, int begin,
-                                                  int count) {
-    add_all<true>(row, albedos, begin, count);
+void add_in_packs(const AddRow &row, int albedos, int begin, int count) {
+    in_packs([=, &row]<class Pack>(Width<Pack>)
+                 VOLILLUM_LAMBDA { add_all<Pack, local>(row, albedos, begin, count); });
 }
 
 }  // namespace
 
 void step_row(const StepRow &row, int albedos, int begin, int count) {
     if (row.ends)
-        (albedos == 1 ? end_one : end_three)(row, begin, count);
+        (albedos == 1 ? step_in_packs<1, true> : step_in_packs<3, true>)(row, begin, count);
     else
-        (albedos == 1 ? step_one : step_three)(row, begin, count);
+        (albedos == 1 ? step_in_packs<1, false> : step_in_packs<3, false>)(row, begin, count);
 }
 
 void add_row(const AddRow &row, int albedos, int begin, int count) {
-    (row.own_weights ? add_local : add_even)(row, albedos, begin, count);
+    (row.own_weights ? add_in_packs<true> : add_in_packs<false>)(row, albedos, begin, count);
 }
 
 VOLILLUM_DISPATCH void expand_row(const Real *nodes, int spacing, int begin, int count,

@@ -63,6 +63,7 @@ VOLILLUM_DISPATCH void mean(const Real *values, const Neighbours &near, Real *ou
 }
 
 // -ln x of x in (0, 1], to 1e-7 of it; of less than 1e-30 and more than 1 that of those.
+template <class Pack>
 VOLILLUM_INLINE void depth_of(const Pack &x, Pack &depth) {
     Pack clipped = x > Real(1e-30) ? x : Pack{} + Real(1e-30);
     clipped = clipped < 1 ? clipped : Pack{} + 1;
@@ -86,7 +87,7 @@ VOLILLUM_INLINE void depth_of(const Pack &x, Pack &depth) {
         const Pack square = f * f;
         depth = Real(0.5) * square - square * f * p - f - n * Real(0.693147180559945);
     } else {
-        for (int lane = 0; lane < kLanes; ++lane) depth[lane] = -std::log(clipped[lane]);
+        for (int lane = 0; lane < lanes_of<Pack>; ++lane) depth[lane] = -std::log(clipped[lane]);
     }
     depth = depth > 0 ? depth : Pack{};
 }
@@ -95,23 +96,26 @@ VOLILLUM_INLINE void depth_of(const Pack &x, Pack &depth) {
 // What is lost of the light that met matter, (1 - l) / (1 - s), varies slowly where part of the
 // light is blocked; how much deeper t is than l, ln l / ln s, where all of it has passed the same.
 // Both are exact without absorption and without scattering. The mean of the two.
-VOLILLUM_DISPATCH void follow(const Real *exact, const Real *seen, Real *solved) {
-    for (int v = 0; v < kChunk; v += kLanes) {
-        const Pack t = pack(exact + v), s = pack(seen + v), l = pack(solved + v);
-        const Pack met = 1 - s > kLeast ? 1 - s : Pack{} + kLeast;
-        Pack lost = (1 - l) / met;
-        lost = lost > 0 ? lost : Pack{};
-        lost = lost < 1 ? lost : Pack{} + 1;
-        Pack depth_t, depth_s, depth_l;
-        depth_of(t, depth_t);
-        depth_of(s, depth_s);
-        depth_of(l, depth_l);
-        depth_s = depth_s > kLeast ? depth_s : Pack{} + kLeast;
-        const Pack share = depth_l < depth_s ? depth_l / depth_s : Pack{} + 1;
-        Pack through = depth_t * share;
-        exp_negative(through);
-        pack(solved + v) = Real(0.5) * (through + (1 - (1 - t) * lost));
-    }
+void follow(const Real *exact, const Real *seen, Real *solved) {
+    in_packs([=]<class Pack>(Width<Pack>) VOLILLUM_LAMBDA {
+        for (int v = 0; v < kChunk; v += lanes_of<Pack>) {
+            const Pack t = pack<Pack>(exact + v), s = pack<Pack>(seen + v),
+                       l = pack<Pack>(solved + v);
+            const Pack met = 1 - s > kLeast ? 1 - s : Pack{} + kLeast;
+            Pack lost = (1 - l) / met;
+            lost = lost > 0 ? lost : Pack{};
+            lost = lost < 1 ? lost : Pack{} + 1;
+            Pack depth_t, depth_s, depth_l;
+            depth_of(t, depth_t);
+            depth_of(s, depth_s);
+            depth_of(l, depth_l);
+            depth_s = depth_s > kLeast ? depth_s : Pack{} + kLeast;
+            const Pack share = depth_l < depth_s ? depth_l / depth_s : Pack{} + 1;
+            Pack through = depth_t * share;
+            exp_negative(through);
+            pack<Pack>(solved + v) = Real(0.5) * (through + (1 - (1 - t) * lost));
+        }
+    });
 }
 
 }  // namespace

@@ -20,6 +20,7 @@
 #include "convolution_kernel.h"
 #include "huge_array.h"
 #include "volillum/opacity.h"
+#include "volillum/pack.h"
 #include "volillum/parallel.h"
 
 namespace volillum {
@@ -29,8 +30,8 @@ namespace {
 constexpr double kFlat = 1e-5;
 // Half the support of the density (1 - x^2)^3 with the variance 1/6 of a hat: its own is 1/9.
 constexpr double kSupport = 1.2247448713915890;
-// Voxels of a row that are summed at once: two packs.
-constexpr int kPacks = 2, kChunk = kPacks * kLanes;
+// Voxels of a row that are summed at once.
+constexpr int kChunk = 2 * kLanes;
 
 // A voxel and, mirrored, its opposite: its offset along the row, d / kSupport, and its weight.
 struct Offset {
@@ -61,29 +62,31 @@ std::vector<RowPair> row_pairs(const KernelWeights &kernel) {
     return pairs;
 }
 
-// sums[k] += weights of one pair of rows times ahead[k + d] and behind[k - d], `packs` whole packs.
+// sums[k] += weights of one pair of rows times ahead[k + d] and behind[k - d], for k < kChunk.
 // `normal` holds three rows of kChunk.
-VOLILLUM_DISPATCH void add_rows(const Offset *offsets, std::size_t count, const Real *ahead,
-                                const Real *behind, const Real *normal, Real *sums) {
-    for (int p = 0; p < kPacks; ++p) {
-        const Pack x = pack(normal + p * kLanes), y = pack(normal + kChunk + p * kLanes),
-                   z = pack(normal + 2 * kChunk + p * kLanes);
-        const Pack one = Pack{} + Real(1);
-        Pack sum{};
-        for (std::size_t n = 0; n < count; ++n) {
-            const Offset &d = offsets[n];
-            Pack t = d.along[0] * x + d.along[1] * y + d.along[2] * z;
-            t = t < one ? t : one;
-            t = t > -one ? t : -one;
-            // 2 F - 1, the integral of the density; 1 at 1 exactly.
-            const Pack s = t * t;
-            const Pack side =
-                t * (((s * Real(-0.3125) + Real(1.3125)) * s - Real(2.1875)) * s + Real(2.1875));
-            sum += d.weight * ((one + side) * pack(ahead + p * kLanes + d.k) +
-                               (one - side) * pack(behind + p * kLanes - d.k));
+void add_rows(const Offset *offsets, std::size_t count, const Real *ahead, const Real *behind,
+              const Real *normal, Real *sums) {
+    in_packs([=]<class Pack>(Width<Pack>) VOLILLUM_LAMBDA {
+        for (int p = 0; p < kChunk; p += lanes_of<Pack>) {
+            const Pack x = pack<Pack>(normal + p), y = pack<Pack>(normal + kChunk + p),
+                       z = pack<Pack>(normal + 2 * kChunk + p);
+            const Pack one = Pack{} + Real(1);
+            Pack sum{};
+            for (std::size_t n = 0; n < count; ++n) {
+                const Offset &d = offsets[n];
+                Pack t = d.along[0] * x + d.along[1] * y + d.along[2] * z;
+                t = t < one ? t : one;
+                t = t > -one ? t : -one;
+                // 2 F - 1, the integral of the density; 1 at 1 exactly.
+                const Pack s = t * t;
+                const Pack side = t * (((s * Real(-0.3125) + Real(1.3125)) * s - Real(2.1875)) * s +
+                                       Real(2.1875));
+                sum += d.weight * ((one + side) * pack<Pack>(ahead + p + d.k) +
+                                   (one - side) * pack<Pack>(behind + p - d.k));
+            }
+            pack<Pack>(sums + p) += sum;
         }
-        pack(sums + p * kLanes) += sum;
-    }
+    });
 }
 
 // Rows of a field with zeros before and after, and where each one has matter.

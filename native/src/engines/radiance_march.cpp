@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "volillum/pack.h"
+
 namespace volillum::radiance_detail {
 namespace {
 
@@ -44,23 +46,26 @@ VOLILLUM_INLINE Shares shares(Real near, Real far, Real length) {
 // One extinction for three colours: the shares of a vector of rays first, in arrays of their own.
 // Next to three stores to the radiance, which may overlap for all that is known of their distance,
 // they would not be vector code.
-VOLILLUM_DISPATCH void step_grey(const Step &rays, Real *radiance) {
-    const Step r = rays;  // a copy: stores to `radiance` do not change it
-    alignas(64) Real through[kLanes], near[kLanes], far[kLanes];
-    for (int c = 0; c < r.columns; c += kLanes) {
-        for (int i = 0; i < kLanes; ++i) {
-            const Shares share = shares(r.near[c + i], r.far[c + i], r.length);
-            through[i] = share.radiance;
-            near[i] = share.near;
-            far[i] = share.far;
+void step_grey(const Step &rays, Real *radiance) {
+    in_packs([r = rays, radiance]<class Pack>(Width<Pack>) VOLILLUM_LAMBDA {
+        alignas(64) Real through[kLanes], near[kLanes], far[kLanes];
+        for (int c = 0; c < r.columns; c += kLanes) {
+            for (int i = 0; i < kLanes; ++i) {
+                const Shares share = shares(r.near[c + i], r.far[c + i], r.length);
+                through[i] = share.radiance;
+                near[i] = share.near;
+                far[i] = share.far;
+            }
+            for (int colour = 0; colour < 3; ++colour)
+                for (int i = 0; i < kLanes; i += lanes_of<Pack>) {
+                    const std::ptrdiff_t source = (1 + colour) * r.stride + c + i;
+                    auto &light = pack<Pack>(radiance + colour * r.stride + c + i);
+                    light = light * pack<Pack>(through + i) +
+                            pack<Pack>(near + i) * pack<Pack>(r.near + source) +
+                            pack<Pack>(far + i) * pack<Pack>(r.far + source);
+                }
         }
-        for (int colour = 0; colour < 3; ++colour) {
-            const std::ptrdiff_t source = (1 + colour) * r.stride + c;
-            LoosePack &light = pack(radiance + colour * r.stride + c);
-            light = light * pack(through) + pack(near) * pack(r.near + source) +
-                    pack(far) * pack(r.far + source);
-        }
-    }
+    });
 }
 
 VOLILLUM_DISPATCH void step_colour(const Step &rays, Real *radiance) {
@@ -81,15 +86,17 @@ VOLILLUM_DISPATCH void step_colour(const Step &rays, Real *radiance) {
 
 }  // namespace
 
-VOLILLUM_DISPATCH void take_sample(const RowSample &sample, int channels, int columns,
-                                   std::ptrdiff_t stride, Real *result) {
-    for (int k = 0; k < channels; ++k)
-        for (int c = 0; c < columns; c += kLanes) {
-            Pack sum{};
-            for (int i = 0; i < sample.count; ++i)
-                sum += sample.weights[i] * pack(sample.rows[i] + k * sample.pitch + c);
-            pack(result + k * stride + c) = sum;
-        }
+void take_sample(const RowSample &sample, int channels, int columns, std::ptrdiff_t stride,
+                 Real *result) {
+    in_packs([=, &sample]<class Pack>(Width<Pack>) VOLILLUM_LAMBDA {
+        for (int k = 0; k < channels; ++k)
+            for (int c = 0; c < columns; c += lanes_of<Pack>) {
+                Pack sum{};
+                for (int i = 0; i < sample.count; ++i)
+                    sum += sample.weights[i] * pack<Pack>(sample.rows[i] + k * sample.pitch + c);
+                pack<Pack>(result + k * stride + c) = sum;
+            }
+    });
 }
 
 void step(const Step &rays, Real *radiance) {
@@ -99,17 +106,19 @@ void step(const Step &rays, Real *radiance) {
         step_colour(rays, radiance);
 }
 
-VOLILLUM_DISPATCH void unshear(const Real *above, const Real *here, std::ptrdiff_t lattice_stride,
-                               const Crossing &crossing, int columns, std::ptrdiff_t stride,
-                               Real *radiance) {
+void unshear(const Real *above, const Real *here, std::ptrdiff_t lattice_stride,
+             const Crossing &crossing, int columns, std::ptrdiff_t stride, Real *radiance) {
     const Real f = crossing.row_fraction, g = crossing.column_fraction;
     const Real w00 = f * g, w01 = f * (1 - g), w10 = (1 - f) * g, w11 = (1 - f) * (1 - g);
-    for (int k = 0; k < 3; ++k)
-        for (int c = 0; c < columns; c += kLanes) {
-            const Real *p = above + k * lattice_stride + c, *q = here + k * lattice_stride + c;
-            pack(radiance + k * stride + c) =
-                w00 * pack(p) + w01 * pack(p + 1) + w10 * pack(q) + w11 * pack(q + 1);
-        }
+    in_packs([=]<class Pack>(Width<Pack>) VOLILLUM_LAMBDA {
+        for (int k = 0; k < 3; ++k)
+            for (int c = 0; c < columns; c += lanes_of<Pack>) {
+                const Real *p = above + k * lattice_stride + c, *q = here + k * lattice_stride + c;
+                pack<Pack>(radiance + k * stride + c) =
+                    w00 * pack<Pack>(p) + w01 * pack<Pack>(p + 1) + w10 * pack<Pack>(q) +
+                    w11 * pack<Pack>(q + 1);
+            }
+    });
 }
 
 VOLILLUM_DISPATCH void add_hue(const Real *radiance, std::ptrdiff_t stride, int columns,

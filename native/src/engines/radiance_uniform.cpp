@@ -25,12 +25,12 @@ struct Depths {
 };
 
 // sums[c] = sum_d weights[d] gamma_c(L) at a pack of voxels.
-template <bool grey>
+template <bool grey, class Pack>
 VOLILLUM_INLINE void mean_of_hues(const Depths &depths, int at, const Colour &colour,
                                   const Real *weights, Pack *sums) {
     for (int c = 0; c < 3; ++c) sums[c] = Pack{};
     for (int d = 0; d < depths.count; ++d) {
-        const Pack depth = pack(depths.values + d * depths.stride + at);
+        const Pack depth = pack<Pack>(depths.values + d * depths.stride + at);
         const Real weight = weights[depths.directions[d]];
         Pack light[3], through, luminance{};
         for (int c = 0; c < 3; ++c) {
@@ -48,32 +48,24 @@ VOLILLUM_INLINE void mean_of_hues(const Depths &depths, int at, const Colour &co
 }
 
 template <bool grey>
-VOLILLUM_INLINE void add_row(const Depths &depths, const Colour &given, const Real *weights,
-                             int count, bool add, Real *out, std::ptrdiff_t out_stride) {
-    const Colour colour = given;  // a copy: stores to `out` do not change it
-    for (int i = 0; i < count; i += kLanes) {
-        Pack sums[3];
-        mean_of_hues<grey>(depths, i, colour, weights, sums);
-        for (int c = 0; c < 3; ++c) {
-            Real *to = out + c * out_stride + i;
-            if (count - i >= kLanes) {
-                if (add) sums[c] += pack(to);
-                pack(to) = sums[c];
-            } else {
-                for (int k = 0; k < count - i; ++k) to[k] = add ? to[k] + sums[c][k] : sums[c][k];
+void add_row(const Depths &depths, const Colour &colour, const Real *weights, int count, bool add,
+             Real *out, std::ptrdiff_t out_stride) {
+    in_packs([=]<class Pack>(Width<Pack>) VOLILLUM_LAMBDA {
+        for (int i = 0; i < count; i += lanes_of<Pack>) {
+            Pack sums[3];
+            mean_of_hues<grey>(depths, i, colour, weights, sums);
+            for (int c = 0; c < 3; ++c) {
+                Real *to = out + c * out_stride + i;
+                if (count - i >= lanes_of<Pack>) {
+                    if (add) sums[c] += pack<Pack>(to);
+                    pack<Pack>(to) = sums[c];
+                } else {
+                    for (int k = 0; k < count - i; ++k)
+                        to[k] = add ? to[k] + sums[c][k] : sums[c][k];
+                }
             }
         }
-    }
-}
-
-VOLILLUM_DISPATCH void add_row_grey(const Depths &depths, const Colour &colour, const Real *weights,
-                                    int count, bool add, Real *out, std::ptrdiff_t out_stride) {
-    add_row<true>(depths, colour, weights, count, add, out, out_stride);
-}
-VOLILLUM_DISPATCH void add_row_colour(const Depths &depths, const Colour &colour,
-                                      const Real *weights, int count, bool add, Real *out,
-                                      std::ptrdiff_t out_stride) {
-    add_row<false>(depths, colour, weights, count, add, out, out_stride);
+    });
 }
 
 // Not linear in a direction's value, but a sum over directions all the same.
@@ -96,7 +88,7 @@ public:
     }
     const Real *single(int) const override { return nullptr; }
     void sum(const Batch &batch, Reals &, const Rows &out) const override {
-        const auto add = colour_.grey ? add_row_grey : add_row_colour;
+        const auto add = colour_.grey ? add_row<true> : add_row<false>;
         batch.tile.for_rows(batch.frame, [&](int t, int b) {
             add({batch.values.at(t, b), batch.values.channel_pitch, batch.directions.data(),
                  int(batch.directions.size())},
