@@ -9,7 +9,7 @@ PROJECT := .venv/.project
 NATIVE_SOURCES := $(shell find native -mindepth 1 -name build -prune -o -name __pycache__ -prune -o -print)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup native test demo bench accuracy recommendations gallery mutations extension window lint format lock clean
+.PHONY: help setup native test demo bench accuracy recommendations gallery mutations sanitize double properties extension window lint format lock clean
 
 help:
 	@echo "make test       run the tests"
@@ -19,6 +19,9 @@ help:
 	@echo "make recommendations  measure what the analysis recommends: docs/recommendations.md"
 	@echo "make gallery    render the standard scenes: docs/gallery.md"
 	@echo "make mutations  plant known faults and check that the tests notice"
+	@echo "make sanitize   run the kernels' tests under address, undefined and thread sanitizers"
+	@echo "make double     compare the kernels with ones built in double precision: docs/precision.md"
+	@echo "make properties examine the models in many random scenes (VOLILLUM_SCENES=100 of each)"
 	@echo "make extension  build the Blender extension, dist/*.zip"
 	@echo "make window     use the extension by hand in a real Blender's window (Linux, root)"
 	@echo "make lint       check style, types and formatting"
@@ -68,6 +71,21 @@ gallery: setup
 
 mutations: setup
 	@$(PYTHON_RUN) tests/mutations/run.py $(ARGS)
+
+sanitize: setup
+	@tools/sanitize.sh $(SANITIZERS)
+
+double: setup
+	@tools/build_variant.sh double -DVOLILLUM_REAL=double
+	@$(PYTHON_RUN) tests/benchmarks/precision.py -o docs/precision.md $(ARGS)
+
+VOLILLUM_SCENES ?= 100
+VOLILLUM_SEED ?= $(shell date +%s)
+
+properties: setup
+	@echo "VOLILLUM_SEED=$(VOLILLUM_SEED)"
+	@VOLILLUM_SCENES=$(VOLILLUM_SCENES) VOLILLUM_SEED=$(VOLILLUM_SEED) \
+		$(PYTHON_RUN) -m pytest tests/hard_cases/test_properties.py $(ARGS)
 
 extension: setup
 	@$(PYTHON_RUN) tools/build_extension.py
