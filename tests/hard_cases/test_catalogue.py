@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import LIMITS
 
 from volillum_addon.compare import hard_laws as laws
 from volillum_addon.compare import hard_page
@@ -19,18 +20,6 @@ from volillum_addon.models.model import Model
 from volillum_addon.models.registry import MODELS, models
 
 CASES = catalogue()
-# What a refusal may name: lights that an equation does not know or that do not shine, a cone that
-# turns too fast, the scattering that would be left out, a lattice without end, a phase function
-# that is too sharp.
-LIMITS = (
-    "knows only lights of the kinds",
-    "of strength 0",
-    "the cone toward it turns too fast",
-    "toward a point light reach",
-    "of the light's scatterings would be left out",
-    "the light's lattice would be",
-    "knows media of g from",
-)
 MOST_REFUSED = 0.1
 
 

@@ -74,12 +74,11 @@ class Matter:
         sigma_t, sigma_s = medium.sigma_t, medium.sigma_s
         if self.half:
             sigma_t, sigma_s = _in_half(sigma_t), _in_half(sigma_s)
-            both = np.minimum(sigma_s.values, sigma_t.values)
-            sigma_s = sigma_s.with_values(both)
+            sigma_s = sigma_s.with_values(np.minimum(sigma_s.values, _like(sigma_t, sigma_s)))
         emission = None
         if self.glow > 0:
-            wide = np.broadcast_to(sigma_t.values, sigma_s.values.shape)
-            emission = sigma_s.with_values((wide - sigma_s.values) * np.float32(self.glow))
+            absorbed = _like(sigma_t, sigma_s) - sigma_s.values
+            emission = sigma_s.with_values(absorbed * np.float32(self.glow))
         return Medium(sigma_t, sigma_s, emission, self.g)
 
     def values(self) -> NDArray[np.float64]:
@@ -114,6 +113,12 @@ class Matter:
                 spiky = np.full(self.shape, 1.0)
                 spiky.reshape(-1)[SPIKE_EVERY // 2 :: SPIKE_EVERY] = self.spike
                 return spiky
+
+
+def _like(grid: Grid, other: Grid) -> NDArray[np.float32]:
+    """The values with as many channels as the other's."""
+    values = grid.values if grid.values.ndim == other.values.ndim else grid.values[..., None]
+    return np.broadcast_to(values, other.values.shape)
 
 
 def _in_half(grid: Grid) -> Grid:

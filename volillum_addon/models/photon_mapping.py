@@ -42,6 +42,8 @@ from .volume import STANDARD_ERROR, Factor, IlluminationVolume, RadianceTerm
 
 # Beyond it the bands above l = 2 outweigh those that are stored, and no series tells by how much.
 SHARPEST = 0.95
+# The bands that are left out weigh |g|^3 and less: of a smaller g, nothing that float32 can hold.
+LEAST_G = 1e-3
 
 
 def operator(values: Values) -> Operator:
@@ -116,7 +118,8 @@ def remarks(volume: IlluminationVolume) -> tuple[str, ...]:
     m of M_lm^2 / (4 pi), less what noise adds. E_l is continued from bands 1 and 2 as a geometric
     series, as for light that scattering makes ever more even.
     """
-    if not any(isinstance(term.angular, Moment) for term in volume.radiance):
+    moments = any(isinstance(term.angular, Moment) for term in volume.radiance)
+    if not moments or abs(volume.medium.g) < LEAST_G:
         return ()
     noise = np.broadcast_to(
         volume.channels[STANDARD_ERROR].values.reshape(*volume.medium.sigma_t.shape, -1) ** 2,
