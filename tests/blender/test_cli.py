@@ -338,14 +338,23 @@ def test_a_killed_comparison_is_resumed_and_loses_nothing(made: Path) -> None:
     process.communicate()
     assert not (killed / "report.json").exists()
     before = {path.name: path.read_bytes() for path in parts.glob("*.npz")}
-    elsewhere, resumed, again = session(
+    elsewhere, others, finer, more, resumed, again = session(
         made,
         ["compare", "other.blend", "--resume", "-o", "killed"],
-        ["compare", "--resume", "-o", "killed"],
+        ["compare", "--resume", "--models", "half_angle", "-o", "killed"],
+        ["compare", "--resume", "--samples", "64", "-o", "killed"],
+        ["compare", "--resume", "--thorough", "-o", "killed"],
+        ["compare", "--resume", *asked[2:]],
         ["compare", "--resume", "-o", "killed"],
     )
-    assert elsewhere.status == 1
+    assert elsewhere.status == others.status == finer.status == more.status == 1
     assert "the file to resume with is" in elsewhere.line
+    assert others.line == (
+        "the models to resume with is ['half_angle']; expected ['ambient_occlusion'] (killed)"
+    )
+    # A default that is asked for is asked for all the same.
+    assert finer.line == "the samples to resume with is 64; expected 2 (killed)"
+    assert more.line == "the baselines to resume with is 1024; expected 1 (killed)"
     assert resumed.status == 0, resumed.err
     assert resumed.out.splitlines()[-1] == str(Path("killed") / "report.html")
     report = json.loads((killed / "report.json").read_text())

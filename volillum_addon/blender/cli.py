@@ -129,7 +129,8 @@ def _add_compare(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--resume",
         action="store_true",
-        help="go on with the directory's unfinished comparison, as it was asked for",
+        help="go on with the directory's unfinished comparison, as it was asked for; options that "
+        "are given again must be the same",
     )
     command.set_defaults(run=_compare)
 
@@ -257,8 +258,13 @@ def _bake(options: argparse.Namespace) -> None:
 def _compare(options: argparse.Namespace) -> None:
     from . import commands
 
+    given = compare_command.given(options)
+    thoroughness = commands.Thoroughness.of(compare_command.filled(options))
     if options.resume:
-        where = (options.file, options.scene, options.output, options.progress_seconds)
+        asked = {name: getattr(thoroughness, name) for name in given}
+        if options.models:
+            asked["models"] = list(options.models)
+        where = (options.file, options.scene, asked, options.output, options.progress_seconds)
         print(commands.resume(*where))
         return
     print(
@@ -266,7 +272,7 @@ def _compare(options: argparse.Namespace) -> None:
             options.file,
             options.scene,
             options.models,
-            commands.Thoroughness.of(compare_command.filled(options)),
+            thoroughness,
             options.output,
             options.progress_seconds,
         )

@@ -157,18 +157,22 @@ def compare(
 def resume(
     file: Path | None,
     scene_name: str | None,
+    asked: Mapping[str, object],
     directory: Path,
     progress_seconds: float | None,
 ) -> str:
-    """Go on with the directory's unfinished comparison as it was asked for. A file or scene may be
-    named again, and must then be the same."""
+    """Go on with the directory's unfinished comparison as it was asked for. Its file, its scene
+    and what is `asked` for by name may be given again, and must be the same: InputError."""
     held = unfinished.asked(directory)
     if held is None:
         state = "a finished one" if (directory / comparing.PAGE).exists() else "none"
         raise bad(f"the comparison in {directory}", state, "an unfinished one for --resume")
-    for name, given in (("file", file and str(file.absolute())), ("scene", scene_name)):
-        if given is not None and given != held[name]:
-            raise bad(f"the {name} to resume with", given, f"{held[name]}", str(directory))
+    named = {"file": file and str(file.absolute()), "scene": scene_name, **asked}
+    before = {**held, **held["thoroughness"]}
+    for name, given in named.items():
+        if given is not None and given != before[name]:
+            label = name.replace("_", " ")
+            raise bad(f"the {label} to resume with", given, f"{before[name]}", str(directory))
     return compare(
         None if held["file"] is None else Path(held["file"]),
         held["scene"],

@@ -28,8 +28,12 @@ def add_thoroughness(
     ):
         shown = "as the scene renders" if default is None else f"{default:g}"
         help_text = f"{text} (default: {shown})"
-        command.add_argument(name, type=kind, default=default, metavar=metavar, help=help_text)
-    # Without a default: --thorough has its own.
+        command.add_argument(name, type=kind, metavar=metavar, help=help_text)
+    # `filled` puts defaults in, so that what was not given can be told from what was.
+    command.set_defaults(
+        defaults={"samples": samples, "noise": noise, "seconds": seconds, "rays": rays,
+                  "width": width, "baselines": BASELINES}
+    )  # fmt: skip
     command.add_argument(
         "--baselines",
         type=_count,
@@ -58,13 +62,24 @@ def add_thoroughness(
     )
 
 
-def filled(options: argparse.Namespace) -> argparse.Namespace:
-    """The options with what --thorough means put in, where nothing else was given."""
+def given(options: argparse.Namespace) -> tuple[str, ...]:
+    """The names of what was asked for, with what --thorough means put in, where nothing else was
+    given."""
     options.ladder = options.ladder or options.thorough
-    if options.baselines is None:
-        options.baselines = THOROUGH_BASELINES if options.thorough else BASELINES
-    if options.rung_seconds is None and options.thorough:
-        options.rung_seconds = THOROUGH_SECONDS
+    if options.thorough:
+        for name, value in (("baselines", THOROUGH_BASELINES), ("rung_seconds", THOROUGH_SECONDS)):
+            if getattr(options, name) is None:
+                setattr(options, name, value)
+    names = (*options.defaults, "rung_seconds", "published", "ladder")
+    return tuple(name for name in names if getattr(options, name) not in (None, False))
+
+
+def filled(options: argparse.Namespace) -> argparse.Namespace:
+    """The options, complete."""
+    given(options)
+    for name, value in options.defaults.items():
+        if getattr(options, name) is None:
+            setattr(options, name, value)
     return options
 
 

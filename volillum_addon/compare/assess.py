@@ -55,6 +55,8 @@ def model(
         field = measure.field(bench, baked, control)
     with agenda.part(f"witness {index}", f"{model.label}: Cycles as a witness") as told:
         witness = measure.witness(bench, model, values, against.mask, control, told)
+    with agenda.part(f"savings {index}", f"{model.label}: what the scene lacks"):
+        saved = measure.savings(bench, baked, model, values, control)
     images = ErrorImages(displayed, integrated, exact, against.full.image)
     exposure, exposed = images.exposed(against.mask)
     return Measured(
@@ -66,6 +68,7 @@ def model(
         exposed,
         measure.flip(bench, against.eye, displayed.value[None]),
         witness,
+        saved,
     )
 
 

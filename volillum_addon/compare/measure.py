@@ -27,7 +27,8 @@ from .machine import machine
 from .metrics import Agreement, Figure, Image, Mask, agreement
 from .reference import Report, Stopping, gather
 from .renderer import Pixels, Renderer
-from .results import Seconds, Timing
+from .results import Saving, Seconds, Timing
+from .savings import savings as saved
 
 # What one setting may take of the full reference's seconds.
 RUNG_SHARE = 1 / 8
@@ -191,6 +192,26 @@ def integral(bench: Bench, baked: Bake, control: Control) -> tuple[Image, NDArra
         held = {"radiance": radiance, "transmittance": transmittance}
         store(path, **held)
     return Image.noiseless(held["radiance"]), held["transmittance"]
+
+
+def savings(
+    bench: Bench, baked: Bake, model: Model, values: Values, control: Control
+) -> tuple[Saving, ...]:
+    """What the scene lacks, and what that saves."""
+    path = bench.part("savings", bake=baked.plan.hash, machine=machine())
+    held = load(path)
+    if held is None:
+        found = saved(bench.renderer.scene, model, values, control)
+        held = {
+            "what": np.array([each.what for each in found], np.str_),
+            "seconds": np.array([each.seconds for each in found]),
+            "stored": np.array([each.stored for each in found]),
+        }
+        store(path, **held)
+    return tuple(
+        Saving(str(what), float(seconds), float(size))
+        for what, seconds, size in zip(held["what"], held["seconds"], held["stored"], strict=True)
+    )
 
 
 def exact(

@@ -35,6 +35,7 @@ def page(comparison: Comparison) -> str:
         reaches=page_tables.reaches(found),
         errors=page_tables.errors(comparison, found),
         costs=page_tables.costs(comparison, found),
+        savings=page_tables.savings(comparison, found),
         moves=page_tables.moves(found),
         left_out=_folded("Settings that were left out", f"<ul>{left_out}</ul>" if left_out else ""),
         failures="".join(

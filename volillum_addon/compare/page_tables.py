@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -110,6 +111,35 @@ def _costs(found: Measured) -> list[Cell]:
         Cell(percent(field), field.relative_rmse),
         Cell(f"× {found.exposure.factor:.3g}", found.exposure.factor),
     ]
+
+
+def savings(comparison: Comparison, found: Summary) -> str:
+    """What the scene lacks, and what that saved each model."""
+    measured = [each for _, each in comparison.measured]
+    lacks = list(dict.fromkeys(saving.what for each in measured for saving in each.savings))
+    if not lacks:
+        return ""
+    head = ("Without", *lacks, "Bake", "With all of it")
+    caption = (
+        "How many times as long the bake would take, and as much would be stored, if the scene had "
+        "what it lacks, each put back on a coarse grid (an empty margin: by its voxels); seconds. "
+        "An equation without such a term (—) saves nothing."
+    )
+    rows = zip(found.models, (_savings(each, lacks) for each in measured), strict=True)
+    return table("savings", caption, head, rows)
+
+
+def _savings(found: Measured, lacks: Sequence[str]) -> list[Cell]:
+    saved = {each.what: each for each in found.savings}
+    cells = [
+        Cell(f"× {saved[what].seconds:.2g}, × {saved[what].stored:.2g}", saved[what].seconds)
+        if what in saved
+        else Cell("—", 0.0, "missing")
+        for what in lacks
+    ]
+    seconds = found.seconds.bake.median
+    full = seconds * math.prod(each.seconds for each in found.savings)
+    return [*cells, Cell(_number(seconds), seconds), Cell(f"≈ {_number(full)}", full)]
 
 
 def reaches(found: Summary) -> str:

@@ -19,7 +19,7 @@ from .reference import Reference
 from .results import Baseline, Comparison, Measured, ModelResult, Timing
 
 # Raised when a field is added; fields are never renamed.
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 SCHEMA = Path(__file__).with_name("report.schema.json")
 ERRORS = ("numerical_field", "numerical", "model", "total", "display")
 SECONDS = ("whole", "bake", "hand_over", "display")
@@ -135,7 +135,7 @@ def _model(model: ModelResult) -> dict[str, Any]:
 
 def _nothing() -> dict[str, Any]:
     fields = ("seconds", "peak_bytes", "exposure", "errors_after_exposure", "flip", "witness")
-    return dict.fromkeys(fields) | {"errors": _errors({})}
+    return dict.fromkeys(fields) | {"errors": _errors({}), "savings": []}
 
 
 def _measured(found: Measured) -> dict[str, Any]:
@@ -148,6 +148,10 @@ def _measured(found: Measured) -> dict[str, Any]:
         "exposure": {"factor": found.exposure.factor, "noise": found.exposure.noise},
         "errors_after_exposure": {"total": _figure(found.total_after_exposure)},
         "flip": None if found.flip is None else _flip(found.flip),
+        "savings": [
+            {"lacks": each.what, "seconds_ratio": each.seconds, "stored_ratio": each.stored}
+            for each in found.savings
+        ],
         "witness": None
         if witness is None
         else {

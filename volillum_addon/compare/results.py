@@ -48,10 +48,20 @@ class Seconds:
         return self.bake.median + self.hand_over.median + self.display.median
 
 
+@dataclass(frozen=True)
+class Saving:
+    """What a scene lacks, and how many times as long its bake would take, and as much would be
+    stored, if it had that."""
+
+    what: str
+    seconds: float
+    stored: float
+
+
 @dataclass(frozen=True, eq=False)
 class Measured:
     """Times and errors of a model that serves the scene. A rung of a ladder has no `witness`, no
-    `flip` and no error of its field."""
+    `flip`, no error of its field and no `savings`."""
 
     seconds: Seconds
     peak_bytes: int
@@ -61,6 +71,7 @@ class Measured:
     total_after_exposure: Figure
     flip: Flip | None = None
     witness: Agreement | None = None
+    savings: tuple[Saving, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,7 +32,7 @@ from .renderer import Renderer
 from .results import Comparison, Measured, ModelResult, Rung
 
 # Expected seconds of the parts, before any of them is known: a guess that only weighs them.
-BAKE, DISPLAY, INTEGRAL, FIELD, CHECK = 3.0, 3.0, 1.0, 5.0, 25.0
+BAKE, DISPLAY, INTEGRAL, FIELD, SAVINGS, CHECK = 3.0, 3.0, 1.0, 5.0, 1.0, 25.0
 EXACT_PER_DIRECTION = 4e-7  # and per pixel, point and replicate
 BASELINE, PER_SAMPLE = 1.0, 5e-6  # a picture, and per pixel and sample
 
@@ -164,6 +164,7 @@ def _expected(
             f"display {index}": DISPLAY,
             f"exact {index}": judged,
             f"field {index}": FIELD,
+            f"savings {index}": SAVINGS,
             f"witness {index}": options.seconds / 4,
         }
         if _climbs(options, entry):
