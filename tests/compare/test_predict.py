@@ -9,13 +9,13 @@ import pytest
 from comparisons import synthetic_scene
 
 from volillum_addon.compare.coarse_run import baked_voxels
-from volillum_addon.compare.metrics import Figure, Image, best_exposure, figure, silhouette
+from volillum_addon.compare.expected import Continuation, Expected, continued
+from volillum_addon.compare.metrics import Image, best_exposure, figure, silhouette
 from volillum_addon.compare.predict import (
     Powers,
     Prediction,
     Predictions,
     candidates,
-    continued,
     predict,
 )
 from volillum_addon.compare.recommend import Request, recommended, usual
@@ -108,17 +108,40 @@ def test_cancelling_ends_it(scene: Scene) -> None:
         predict(scene, 1.0, control)
 
 
-def figure_of(error: float, noise: float = 0.0) -> Figure:
-    return Figure(error, noise, 0.0, 0.0, is_bound=False)
+def expected(systematic: float, noise: float = 0.0, chance: float = 0.0) -> Expected:
+    return Expected(systematic, noise, chance)
 
 
 def test_errors_go_on_in_a_line_with_the_spacing() -> None:
-    error, noise = continued([figure_of(0.10), figure_of(0.12, 0.001)], [0.4, 0.2], 0.1)
+    error, noise = continued([expected(0.10), expected(0.12, 0.001)], [0.4, 0.2], 0.1)
     assert error == pytest.approx(0.13)
     assert noise == pytest.approx(0.0015)
     # Never by more than twice, and not at all where the grid is no finer.
-    assert continued([figure_of(0.9), figure_of(0.1)], [0.4, 0.2], 0.1)[0] == pytest.approx(0.05)
-    assert continued([figure_of(0.3), figure_of(0.1)], [0.4, 0.2], 0.2)[0] == pytest.approx(0.1)
+    assert continued([expected(0.9), expected(0.1)], [0.4, 0.2], 0.1)[0] == pytest.approx(0.05)
+    assert continued([expected(0.3), expected(0.1)], [0.4, 0.2], 0.2)[0] == pytest.approx(0.1)
+
+
+def test_chance_grows_on_finer_grids_by_its_own_power() -> None:
+    coarse, fine = expected(0.03, chance=0.04), expected(0.03, chance=0.04 * 2**0.75)
+    go_on = Continuation(64_000)
+    found = go_on([1000, 8000], [coarse, fine])
+    assert found.chance == pytest.approx(0.04 * 4**0.75)
+    assert found.error == pytest.approx(np.hypot(found.systematic, found.chance))
+    # One grid alone: as before. And no more than voxels that share nothing.
+    assert go_on([8000], [fine]).chance == pytest.approx(found.chance)
+    wild = Continuation(64_000)([1000, 8000], [coarse, expected(0.03, chance=1.0)])
+    assert wild.chance == pytest.approx(2.0)
+    # Nothing random stays so.
+    assert Continuation(64_000)([1000, 8000], [expected(0.1), expected(0.1)]).chance == 0
+
+
+def test_more_work_lowers_chance_by_its_root() -> None:
+    before, last = expected(0.02, 0.001, 0.10), expected(0.02, 0.001, 0.05)
+    more = last.with_more_work(before, 4.0)
+    assert more.chance == pytest.approx(0.025)
+    assert more.systematic == pytest.approx(0.02)  # what did not fall before does not fall now
+    falling = expected(0.01).with_more_work(expected(0.04), 4.0)
+    assert falling.systematic == pytest.approx(0.005)
 
 
 def test_times_grow_by_each_stage_s_own_power() -> None:

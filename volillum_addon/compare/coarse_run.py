@@ -1,8 +1,9 @@
 """Bakes of a scene on two coarse grids: what predictions are made from.
 
 A level is the scene on a grid of so many voxels with its full scattering, by photon mapping with
-several seeds; runs are bakes of models for a part of the lights, with the seconds of each stage and
-the image. Images of parts add, so a composition costs no bake of its own.
+several seeds on its own and on half the spacing, continued to none (Richardson); runs are bakes of
+models for a part of the lights, with the seconds of each stage and the image. Images of parts add,
+so a composition costs no bake of its own.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from ..models.illuminate import VOID_MARGIN, illuminate
 from ..models.image import line_integral
 from ..models.model import Model, Value, Values
 from ..models.progressive import MODEL as FULL_SCATTERING
-from ..models.volume import IlluminationVolume
+from ..models.volume import STANDARD_ERROR, IlluminationVolume
 from .metrics import Image, Mask, silhouette
 from .stopwatch import Lap, Stopwatch
 
@@ -36,13 +37,18 @@ SEEDS, PASSES = 4, (4, 8)
 FIRST_SEED = 1_000_000
 # Short bakes are repeated, and the fastest counts: a machine does other things too.
 SHORT_SECONDS, REPEATS = 0.2, 3
+# What is random is baked with several seeds: what chance makes of it is told by its spread.
+DRAWS = 2
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """One bake: its image [h, w, 3], time by stage, and bytes of its channels."""
+    """One setting: the mean image [h, w, 3] of so many `draws` and the variance of one (0 of a
+    deterministic model, which is drawn once), time by stage, and bytes of its channels."""
 
     image: NDArray[np.float64]
+    variance: NDArray[np.float64]
+    draws: int
     laps: Mapping[str, Lap]
     channel_bytes: int
 
@@ -92,15 +98,26 @@ class Level:
 
     def _bake(self, model: Model, scene: Scene, values: Values, control: Control) -> Run:
         volume, laps = _timed(model, scene, values, control)
+        images = [self._image(volume)]
+        chance = STANDARD_ERROR in volume.channels
         repeats = 1
-        while sum(lap.clock for lap in laps.values()) < SHORT_SECONDS and repeats < REPEATS:
-            volume, again = _timed(model, scene, values, control)
+        while (chance and repeats < DRAWS) or (
+            sum(lap.clock for lap in laps.values()) < SHORT_SECONDS and repeats < REPEATS
+        ):
+            seed = {"noise_seed": repeats} if chance else {}
+            volume, again = _timed(model, scene, {**values, **seed}, control)
             laps = {name: min(lap, again[name], key=lambda each: each.clock)
                     for name, lap in laps.items()}  # fmt: skip
             repeats += 1
-        image, _ = line_integral(volume, scene.need_camera(), self.width, self.height)
+            if chance:
+                images.append(self._image(volume))
         size = sum(grid.values.nbytes for grid in volume.channels.values())
-        return Run(image, laps, size)
+        mean = np.mean(images, axis=0)
+        variance = np.var(images, axis=0, ddof=1) if chance else np.zeros_like(mean)
+        return Run(mean, variance, len(images), laps, size)
+
+    def _image(self, volume: IlluminationVolume) -> NDArray[np.float64]:
+        return line_integral(volume, self.scene.need_camera(), self.width, self.height)[0]
 
 
 def _timed(
@@ -135,15 +152,28 @@ def levels(scene: Scene, aspect: float, control: Control) -> tuple[Level, ...]:
 
 
 def _level(scene: Scene, passes: int, width: int, height: int, control: Control) -> Level:
-    # Photons are averaged over voxels: on half the spacing that error is a quarter.
-    fine = refined(scene)
+    """Photons are averaged over voxels, an error of first order in the spacing where light ends
+    within a voxel. Half the spacing halves it, and the two together tell what is left."""
+    with control.stage(0, 0.3, "full scattering"):
+        coarse, _ = _photons(scene, passes, FIRST_SEED, width, height, control)
+    with control.stage(0.3, 1, "full scattering"):
+        seed = FIRST_SEED + SEEDS
+        fine, transmittance = _photons(refined(scene), passes, seed, width, height, control)
+    full = Image(2 * fine.value - coarse.value, 4 * fine.variance + coarse.variance, SEEDS - 1)
+    return Level(scene, width, height, full, silhouette(transmittance))
+
+
+def _photons(
+    scene: Scene, passes: int, first: int, width: int, height: int, control: Control
+) -> tuple[Image, NDArray[np.float64]]:
+    """Full scattering on the scene's own grid, and the transmittance of the pixels."""
     images = []
     transmittance: NDArray[np.float64] = np.ones((height, width, 3))
     for seed in range(SEEDS):
         with control.stage(seed / SEEDS, (seed + 1) / SEEDS, "full scattering"):
-            given: dict[str, Value] = {"noise_seed": FIRST_SEED + seed, "passes": passes}
-            volume = illuminate(fine, FULL_SCATTERING, given, control)
+            given: dict[str, Value] = {"noise_seed": first + seed, "passes": passes}
+            volume = illuminate(scene, FULL_SCATTERING, given, control)
             image, transmittance = line_integral(volume, scene.need_camera(), width, height)
             images.append(image)
     mean, variance = np.mean(images, axis=0), np.var(images, axis=0, ddof=1) / SEEDS
-    return Level(scene, width, height, Image(mean, variance, SEEDS - 1), silhouette(transmittance))
+    return Image(mean, variance, SEEDS - 1), transmittance

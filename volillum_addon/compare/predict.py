@@ -5,8 +5,8 @@ From bakes on two coarse grids of the same scene (coarse_run.py), with spacings 
     seconds   each stage's own power of the number of voxels, taken from the two grids; and the
               time to store as many bytes as there will be
     bytes     the channels' and the medium's, on as many voxels as there will be
-    error     of the image against full scattering after the best-fitting exposure; its change with
-              the grid is continued linearly in h
+    error     of the image against full scattering after the best-fitting exposure: what is the
+              same in every bake is continued linearly in h, what chance adds by its own power of h
 
 Lengths that follow the grid (Model.resolve) are those of the real grid.
 """
@@ -16,11 +16,10 @@ from __future__ import annotations
 import math
 import tempfile
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-
-import numpy as np
 
 from ..bake.vdb import write_vdb
 from ..core.analysis import Analysis, analysis
@@ -32,15 +31,14 @@ from ..models.illuminate import VOID_MARGIN, illuminate
 from ..models.model import Model, Value, Values
 from ..models.registry import MODELS, get
 from .coarse_run import Level, Run, baked_voxels, levels
-from .metrics import Figure, Image, best_exposure, figure, relative_noise
+from .expected import Continuation, Expected, expected
+from .metrics import relative_noise
 from .stopwatch import Lap
 
 # Powers of the number of voxels that a stage can have: none, to a little above in proportion.
 LARGEST_POWER = 1.1
 # Stages below this many seconds on the finer grid are noise of the clock: in proportion.
 CLOCK_SECONDS = 2e-3
-# How far the continuation in h may take an error from what the finer grid has.
-FURTHEST = 2.0
 # A coarse bake of more seconds (of this machine without other work) is costly: it is not made on
 # the coarser grid too, nor where the rung before gained nothing. An expensive one is not made at
 # all: its error is that of the last rung times what the last step gained, but no estimator gains
@@ -85,11 +83,16 @@ class Predictions:
     @property
     def frontier(self) -> tuple[Prediction, ...]:
         """The entries that no other beats in both time and error, from fast to accurate."""
-        found: list[Prediction] = []
-        for entry in sorted(self.entries, key=lambda each: (each.seconds, each.error)):
-            if not found or entry.error < found[-1].error:
-                found.append(entry)
-        return tuple(found)
+        return frontier(self.entries)
+
+
+def frontier(entries: Iterable[Prediction]) -> tuple[Prediction, ...]:
+    """Those that no other beats in both time and error, from fast to accurate."""
+    found: list[Prediction] = []
+    for entry in sorted(entries, key=lambda each: (each.seconds, each.error)):
+        if not found or entry.error < found[-1].error:
+            found.append(entry)
+    return tuple(found)
 
 
 class Powers:
@@ -177,51 +180,37 @@ def _of_model(
     """Up the ladder, as far as it pays to try; what lies above is continued."""
     found: list[Prediction] = []
     tried: list[tuple[Run, ...]] = []
-    trend, powers = 1.0, Powers()
+    exposed: list[Expected] = []
+    plain: list[Expected] = []
+    powers, after, before = Powers(), Continuation(voxels), Continuation(voxels)
     trimmed = scene.trimmed(VOID_MARGIN)
-    spacing = voxels ** (-1 / 3)
     for rung in model.ladder or ({},):
         if _is_not_worth_it(found, tried):
             tried.append(tuple(map(continued_run, *tried[-2:])))
             seconds = powers.seconds([grids[-1].voxels], tried[-1:], voxels)
-            slower = math.sqrt(_effort(tried[-3]) / _effort(tried[-2]))
-            gain = min(1.0, max(found[-1].error / found[-2].error, slower))
-            last = found[-1]
-            found.append(
-                replace(
-                    last,
-                    parameters=rung,
-                    seconds=seconds + last.peak_bytes // COPIES * rate,
-                    error=last.error * gain,
-                    unexposed=last.unexposed
-                    * min(1.0, max(last.unexposed / found[-2].unexposed, slower)),
-                )
-            )
-            continue
-        values = model.resolved(trimmed, model.values(rung))
-        able, runs = _runs(model, values, grids, control)
-        tried.append(runs[-1])
-        size = sum(run.channel_bytes for run in runs[-1]) * voxels // able[-1].voxels
-        counts = [grid.voxels for grid in able]
-        spacings = [count ** (-1 / 3) for count in counts]
-        after, before = (
-            [_figure(grid, run, exposed) for grid, run in zip(able, runs, strict=True)]
-            for exposed in (True, False)
-        )
-        error, noise = continued(after, spacings, spacing)
-        if len(able) > 1:
-            trend = error / max(after[-1].relative_rmse, 1e-12)
-        else:  # as the rung before changed with the grid
-            error, noise = error * trend, noise * trend
+            size = found[-1].peak_bytes // COPIES
+            work = _effort(tried[-1]) / max(_effort(tried[-2]), 1e-9)
+            exposed.append(exposed[-1].with_more_work(exposed[-2], work))
+            plain.append(plain[-1].with_more_work(plain[-2], work))
+        else:
+            values = model.resolved(trimmed, model.values(rung))
+            able, runs = _runs(model, values, grids, control)
+            tried.append(runs[-1])
+            size = sum(run.channel_bytes for run in runs[-1]) * voxels // able[-1].voxels
+            counts = [grid.voxels for grid in able]
+            seconds = powers.seconds(counts, runs, voxels)
+            pairs = list(zip(able, runs, strict=True))
+            exposed.append(after(counts, [expected(grid, run, True) for grid, run in pairs]))
+            plain.append(before(counts, [expected(grid, run, False) for grid, run in pairs]))
         found.append(
             Prediction(
                 model.id,
                 rung,
-                powers.seconds(counts, runs, voxels) + size * rate,
+                seconds + size * rate,
                 COPIES * size,
-                error,
-                noise,
-                continued(before, spacings, spacing)[0],
+                exposed[-1].error,
+                exposed[-1].noise,
+                plain[-1].error,
             )
         )
     return found
@@ -235,6 +224,8 @@ def _is_not_worth_it(found: list[Prediction], tried: list[tuple[Run, ...]]) -> b
     """Whether the next rung, which costs as many times more as the last one did, is not tried."""
     if len(found) < 2:
         return False
+    if any(run.draws > 1 for run in tried[-1]):
+        return True  # what more work does to chance is known without trying
     gained = found[-1].error < (1 - LEAST_GAIN) * found[-2].error
     coming = _effort(tried[-1]) * max(1.0, _effort(tried[-1]) / _effort(tried[-2]))
     return coming > (EXPENSIVE_SECONDS if gained else COSTLY_SECONDS)
@@ -267,24 +258,6 @@ def _runs(
             break
         able.insert(0, grid)
     return able, runs
-
-
-def _figure(grid: Level, runs: tuple[Run, ...], exposed: bool) -> Figure:
-    image = Image.noiseless(np.sum([run.image for run in runs], axis=0))
-    if exposed:
-        image = image.scaled(best_exposure(image, grid.full, grid.mask).factor)
-    return figure(image, grid.full, grid.mask)
-
-
-def continued(figures: list[Figure], spacings: list[float], spacing: float) -> tuple[float, float]:
-    """The error at `spacing` with its noise, linear in the spacing of the grid."""
-    last = figures[-1]
-    if len(figures) == 1 or spacing >= spacings[-1]:
-        return last.relative_rmse, last.noise
-    share = (spacings[-1] - spacing) / (spacings[0] - spacings[-1])
-    error = last.relative_rmse + share * (last.relative_rmse - figures[0].relative_rmse)
-    error = min(max(error, last.relative_rmse / FURTHEST), last.relative_rmse * FURTHEST)
-    return error, math.hypot((1 + share) * last.noise, share * figures[0].noise)
 
 
 def _store_rate(scene: Scene) -> float:
