@@ -29,8 +29,10 @@ from .hard_scenes import HardCase
 
 Status = Literal["kept", "refused", "broken"]
 
-# What a stochastic model may spend on a scene of a few hundred voxels.
+# What a stochastic model may spend on a scene of a few hundred voxels: in tests, and for the page,
+# where the noise is to be small beside other errors.
 THRIFT: Mapping[str, Value] = {"photons": 2000, "passes": 8}
+PAGE: Mapping[str, Value] = {"photons": 16_000, "passes": 8}
 # Voxels that are judged, and the judge's rays at each, of an equation of cost 1.
 JUDGED, RAYS, FEWEST_RAYS = 24, 4096, 64
 # A cell that takes more processor seconds hangs; how often that is looked at.
@@ -66,22 +68,23 @@ def run(
     cases: Sequence[HardCase],
     models: Sequence[Model],
     told: Callable[[Cell], None] = lambda cell: None,
+    thrift: Mapping[str, Value] = PAGE,
 ) -> tuple[Cell, ...]:
     """All cells, case by case; `told` hears of each when it is done."""
     cells = []
     for case in cases:
         for model in models:
-            cells.append(examine(case, model))
+            cells.append(examine(case, model, thrift))
             told(cells[-1])
     return tuple(cells)
 
 
-def examine(case: HardCase, model: Model) -> Cell:
+def examine(case: HardCase, model: Model, thrift: Mapping[str, Value] = THRIFT) -> Cell:
     """One cell. Never raises for what a model does: that is what is examined."""
     begin = time.perf_counter()
     try:
         with patience() as control:
-            found = _examined(case, model, control)
+            found = _examined(case, model, thrift, control)
     except InputError as refusal:
         # A grid that refuses what a bake computed is no answer of the model's.
         status: Status = "broken" if NOT_FINITE in str(refusal) else "refused"
@@ -115,12 +118,12 @@ def patience() -> Iterator[Control]:
         watcher.join()
 
 
-def _examined(case: HardCase, model: Model, control: Control) -> Cell:
+def _examined(case: HardCase, model: Model, thrift: Mapping[str, Value], control: Control) -> Cell:
     scene = case.scene()
     trimmed = scene.trimmed(VOID_MARGIN)
     known = {parameter.name for parameter in model.parameters}
-    thrift = {name: value for name, value in THRIFT.items() if name in known}
-    given = {**thrift, **case.given(model)}
+    spent = {name: value for name, value in thrift.items() if name in known}
+    given = {**spent, **case.given(model)}
     # Lengths that follow the lattice by default stay those of this one.
     given = dict(model.resolved(trimmed, model.values(given)))
     operator = model.operator(given)
