@@ -122,7 +122,8 @@ def test_saved_and_opened_again(file: Path) -> None:
     assert before[-2:] == ((), "")
     bpy.ops.wm.save_mainfile()
     bpy.ops.wm.open_mainfile(filepath=str(file))
-    assert Path(bpy.path.abspath(settings().baked.path)) == Path(before[0])  # type: ignore[arg-type]
+    assert settings().baked.path == before[0]
+    assert Path(bpy.path.abspath(settings().baked.path)).is_file()
     assert settings().directory == "//volillum"
     assert seen()[1] == "multidirectional_occlusion"
     assert seen()[3:] == before[3:]

@@ -16,7 +16,7 @@ from ..models.composition import Composition
 from ..models.registry import get
 from . import modal, work, wrap
 from .analysis_text import absent, answer_line, prediction_json, scene_lines
-from .asked import scene_named
+from .asked import Held
 from .jobs import Work
 from .sidebar import Sidebar, column, lines, progress_or_button
 
@@ -38,7 +38,7 @@ class VOLILLUM_OT_analyse(modal.WorkOperator, bpy.types.Operator):
     def prepare(self, context: bpy.types.Context) -> Work[Any]:
         """Read the scene; predicting knows nothing of Blender."""
         scene = context.scene
-        settings, name = scene.volillum, scene.name
+        settings, held = scene.volillum, Held(scene)
         reading = work.read(scene)
         reading.scene.need_camera()
         request = Request(
@@ -63,7 +63,7 @@ class VOLILLUM_OT_analyse(modal.WorkOperator, bpy.types.Operator):
             }
 
         def keep(result: dict[str, Any]) -> str:
-            scene_named(name).volillum.analysis = json.dumps(result)
+            held.get().volillum.analysis = json.dumps(result)
             return str(result["answers"][0]["line"])
 
         return Work(compute, keep)

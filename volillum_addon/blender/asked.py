@@ -14,19 +14,29 @@ from .places import output_directory
 from .properties import chosen_model, model_values
 
 
-def scene_named(name: str) -> bpy.types.Scene:
-    """The scene of work that has ended; InputError where it was removed meanwhile."""
-    scene = bpy.data.scenes.get(name)
-    if scene is None:
-        raise InputError(f"scene {name!r} is gone; expected it where the result belongs")
-    return scene
+class Held:
+    """A scene over time: undo replaces it, and it may be renamed or removed meanwhile."""
+
+    def __init__(self, scene: bpy.types.Scene) -> None:
+        self.name, self._uid = scene.name, scene.session_uid
+
+    def holds(self, scene: bpy.types.Scene) -> bool:
+        """Whether it is this one."""
+        return bool(scene.session_uid == self._uid)
+
+    def get(self) -> bpy.types.Scene:
+        """The scene as it is now. Raises InputError when it is gone."""
+        for scene in bpy.data.scenes:
+            if self.holds(scene):
+                return scene
+        raise InputError(f"scene {self.name!r} is gone; expected it where the result belongs")
 
 
 @dataclass(frozen=True)
 class Asked:
-    """The scene's name, the model or composition with its parameters, and where files go."""
+    """The scene, the model or composition with its parameters, and where files go."""
 
-    name: str
+    held: Held
     model: str
     values: Mapping[str, Value]
     directory: Path
@@ -37,9 +47,14 @@ class Asked:
         settings = scene.volillum
         model = chosen_model(settings)
         values = model_values(settings, model)
-        return cls(scene.name, model, values, output_directory(settings.directory))
+        return cls(Held(scene), model, values, output_directory(settings.directory))
+
+    @property
+    def name(self) -> str:
+        """The scene's name, when the work began."""
+        return str(self.held.name)
 
     @property
     def scene(self) -> bpy.types.Scene:
         """The scene, when the work has ended."""
-        return scene_named(self.name)
+        return self.held.get()

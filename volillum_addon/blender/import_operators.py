@@ -16,7 +16,7 @@ from ..readers.gather import MOST_LEVEL
 from ..readers.raw import BYTE_ORDERS, TYPES, from_json, guessed
 from ..readers.source import Options, RawLayout
 from . import importing, modal
-from .asked import scene_named
+from .asked import Held
 from .import_command import describe
 from .jobs import Work
 from .places import output_directory
@@ -82,18 +82,18 @@ class VOLILLUM_OT_import_volume(modal.WorkOperator, bpy.types.Operator):
     @override
     def prepare(self, context: bpy.types.Context) -> Work[Any]:
         """What is to be read and where it goes; the reading itself knows nothing of Blender."""
-        path, name = self._path(), context.scene.name
+        path, held = self._path(), Held(context.scene)
         form = format_of(path)
         size = self.size
         if form.id == "vdb" and not self.level and self.transfer == importing.AUTO:
-            return Work(lambda _control: path, lambda found: _added(name, found))
+            return Work(lambda _control: path, lambda found: _added(held, found))
         several = self.properties.is_property_set("channel")
         options = Options(channel=self.channel if several else None, raw=self._layout(path))
         directory = output_directory(context.scene.volillum.directory)
         level, preset = self.level, self.transfer
 
         def finish(imported: importing.Imported) -> str:
-            importing.place(scene_named(name), imported, size)
+            importing.place(held.get(), imported, size)
             return "; ".join([describe(imported.about), *imported.about.notes])
 
         return Work(
@@ -190,8 +190,8 @@ class VOLILLUM_FH_volume(bpy.types.FileHandler):
         return context.area is not None and context.area.type == "VIEW_3D"
 
 
-def _added(name: str, path: Path) -> str:
-    item = importing.add_vdb(scene_named(name), path)
+def _added(held: Held, path: Path) -> str:
+    item = importing.add_vdb(held.get(), path)
     frames = f", {item.data.frame_duration} frames" if item.data.is_sequence else ""
     return f"{item.name}{frames}"
 

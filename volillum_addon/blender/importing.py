@@ -22,6 +22,7 @@ from ..readers.source import Options
 from ..readers.transfer_presets import default_name, load
 from . import transfer
 from .medium_builder import medium_material
+from .places import relative
 
 # The longest side of a volume that is fitted, in Blender's units: that of the default cube.
 FITTED = 2.0
@@ -141,16 +142,6 @@ def sequence_frames(path: Path) -> list[int]:
     while last + 1 in there:
         last += 1
     return list(range(first, last + 1))
-
-
-def relative(path: Path) -> str:
-    """The path as Blender keeps it: relative to the file where there is one."""
-    if not bpy.data.filepath:
-        return str(path)
-    try:
-        return str(bpy.path.relpath(str(path)))
-    except ValueError:  # another drive
-        return str(path)
 
 
 def _sequence_stem(path: Path) -> str | None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import tempfile
 import time
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -26,11 +27,12 @@ from ..models.model import Value
 from ..models.registry import get
 from ..models.volume import IlluminationVolume
 from . import showing, staleness, work
+from .asked import Held
 from .constants import assign, constants, same_nodes
 from .display import display_material, displayed, grid_limit, shown_data
 from .jobs import Job, Work
 from .light_reader import read_lights
-from .places import output_directory
+from .places import block_file, output_directory, relative
 from .properties import chosen_model, model_values
 from .scene_reader import Reading, read_scene_camera
 
@@ -54,7 +56,7 @@ class Live:
     """Follows one scene until `stop`; `look` is called again and again, in the main thread."""
 
     def __init__(self, scene: bpy.types.Scene) -> None:
-        self._scene = scene.name
+        self._held = Held(scene)
         self._folder = tempfile.TemporaryDirectory(prefix="volillum-live-")
         self._count = 0
         self._job: Job[Result] | None = None
@@ -72,14 +74,11 @@ class Live:
     @property
     def scene(self) -> bpy.types.Scene:
         """The scene; InputError when it is gone."""
-        scene = bpy.data.scenes.get(self._scene)
-        if scene is None:
-            raise InputError(f"scene {self._scene!r} is gone; expected it where live works")
-        return scene
+        return self._held.get()
 
     def follows(self, scene: bpy.types.Scene) -> bool:
         """Whether it is this scene."""
-        return bool(scene.name == self._scene)
+        return self._held.holds(scene)
 
     @property
     def settled(self) -> bool:
@@ -99,9 +98,9 @@ class Live:
     def stop(self) -> None:
         """End what is under way; a coarse bake is no longer shown, a full one stays."""
         self._drop_job()
-        scene = bpy.data.scenes.get(self._scene)
-        if scene is not None and self._shown is not None and self._shown.baked is None:
-            showing.hide(scene)
+        if self._shown is not None and self._shown.baked is None:
+            with suppress(InputError):  # the scene is gone
+                showing.hide(self.scene)
         self._shown = None
         self._folder.cleanup()
 
@@ -188,6 +187,7 @@ class Live:
         folder = Path(self._folder.name)
         volume, path = displayed(volume, result.path, folder, limit, settings.as_radiance)
         data = shown_data(volume, path, limit)
+        data.filepath = relative(path)
         shown = settings.baked.shown
         if shown is None:
             shown = bpy.data.objects.new(path.stem, data)
@@ -212,7 +212,7 @@ class Live:
         limit = grid_limit(scene)
         volume = relight(self._shown.volume, read_lights(scene))
         material = shown.data.materials[0]
-        if Path(bpy.path.abspath(shown.data.filepath)) != self._shown.path:
+        if block_file(shown.data) != self._shown.path:
             self._show(scene, self._shown)  # one stored grid of radiance: another file
         else:
             made = display_material(material.name, volume, limit)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import bpy
@@ -13,6 +12,7 @@ from ..models.composition import GROUPS, Composition
 from ..models.model import Model, Parameter, Value
 from ..models.registry import get, models
 from . import parameters
+from .places import block_file
 from .stage import Stage
 
 
@@ -24,7 +24,7 @@ def _grids(settings: Any, _context: bpy.types.Context, text: str) -> list[str]:
     """The names of the grids in the volume's file."""
     if settings.volume is None:
         return []
-    path = Path(bpy.path.abspath(settings.volume.data.filepath))
+    path = block_file(settings.volume.data)
     try:
         return [name for name in grid_names(path) if text.lower() in name.lower()]
     except (InputError, OSError):
@@ -48,6 +48,11 @@ def _text(name: str, description: str = "", **arguments: Any) -> Any:
     return _still(bpy.props.StringProperty, name, description, **arguments)
 
 
+def _path(name: str, description: str = "") -> Any:
+    relative = {"PATH_SUPPORTS_BLEND_RELATIVE"}
+    return _text(name, description, subtype="FILE_PATH", options=relative)
+
+
 def _number(name: str, description: str = "", **arguments: Any) -> Any:
     return _still(bpy.props.FloatProperty, name, description, **arguments)
 
@@ -63,7 +68,7 @@ NOT_MEASURED = -1.0
 class Baked(bpy.types.PropertyGroup):
     """The last bake of a scene."""
 
-    path: _text("File", "Of a sequence, that of its first frame", subtype="FILE_PATH")
+    path: _path("File", "Of a sequence, that of its first frame")
     frames: _still(bpy.props.IntProperty, "Frames", "How many of a sequence; 0: one bake", min=0)
     model: _text("Model", "The id of a model or of a composition")
     seconds: _number("Seconds", unit="TIME_ABSOLUTE")
@@ -207,7 +212,7 @@ class Settings(bpy.types.PropertyGroup):
         type=bpy.types.Collection,
     )
     results: bpy.props.CollectionProperty(type=Result)
-    report: _text("Report", subtype="FILE_PATH")
+    report: _path("Report")
 
 
 # Each model's group is a property named by the model's id.

@@ -13,6 +13,7 @@ from ..core.errors import InputError
 from . import error_display, field_errors, live_session, modal, showing, side_by_side, work
 from .asked import Asked
 from .jobs import Work
+from .places import baked_file
 
 
 class VOLILLUM_OT_show(modal.InstantOperator, bpy.types.Operator):
@@ -65,10 +66,9 @@ class VOLILLUM_OT_scatter(modal.InstantOperator, bpy.types.Operator):
 
 
 def _bake_of(scene: bpy.types.Scene) -> Path:
-    path = scene.volillum.baked.path
-    if not path:
+    if not scene.volillum.baked.path:
         raise InputError(f"scene {scene.name!r} has no bake; expected Bake before Show")
-    return Path(bpy.path.abspath(path))
+    return baked_file(scene)
 
 
 class VOLILLUM_OT_swap(modal.InstantOperator, bpy.types.Operator):

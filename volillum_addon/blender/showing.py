@@ -14,6 +14,7 @@ from .display import show_bake
 from .display_frames import show_frames
 from .medium_builder import plain_material
 from .medium_reader import volume_material
+from .places import keep_found, relative
 from .scene_reader import density_name
 
 # Marched in steps, a bake, which only emits and absorbs, has next to no noise, and scattering has
@@ -26,12 +27,14 @@ def show(scene: bpy.types.Scene, path: Path) -> bpy.types.Object:
     """Show a bake in place of its volume, under the scene's lights as they are now; a sequence
     under those of each frame."""
     settings = scene.volillum
+    keep_found(scene)
     volume = work.chosen_volume(scene)
     before = settings.baked.shown
     if settings.baked.frames:
         shown = show_frames(path, scene, scene.collection)
     else:
         shown = show_bake(path, scene, scene.collection, settings.as_radiance)
+    shown.data.filepath = relative(Path(shown.data.filepath))
     if before is not None and before != shown:
         discard(before)
     settings.baked.shown = shown
@@ -58,6 +61,7 @@ def step_aside(
 def hide(scene: bpy.types.Scene) -> None:
     """Show the volume itself again, as it was, and nothing in its place."""
     shown = scene.volillum.baked.shown
+    keep_found(scene)
     if shown is not None:
         discard(shown)
     clear(scene)

@@ -17,6 +17,7 @@ from ..models.registry import get
 from . import showing, work
 from .display import show_bake
 from .error_display import error_object, legend
+from .places import baked_file
 from .placing import lattice_corners, place_of, write
 
 # Between two volumes, and the height of a name, as shares of a volume's extent across the row.
@@ -86,7 +87,7 @@ def swap(scene: bpy.types.Scene) -> None:
         raise InputError(f"scene {scene.name!r} has one bake; expected two to switch between")
     _exchange(scene)
     try:
-        showing.show(scene, Path(bpy.path.abspath(settings.baked.path)))
+        showing.show(scene, baked_file(scene))
     except InputError:
         _exchange(scene)
         raise

@@ -10,7 +10,6 @@ import json
 from collections.abc import Mapping
 from functools import lru_cache
 from hashlib import blake2b
-from pathlib import Path
 from typing import Any
 
 import bpy
@@ -23,6 +22,7 @@ from ..models.model import Model, Value
 from ..models.registry import get
 from .frames import files, frame_file, frame_of, kept_frame
 from .outline import closures, outline
+from .places import baked_file, block_file
 from .properties import chosen_model, model_values
 
 # What of a source does not move: of a sequence, all else may differ from frame to frame.
@@ -32,12 +32,12 @@ STILL = "the volume's file or grid"
 def source(settings: Any, volume: bpy.types.Object) -> dict[str, str]:
     """What the medium comes from, part by part, each as a digest."""
     data = volume.data
-    path = Path(bpy.path.abspath(data.filepath))
+    path = block_file(data)
     try:
         state = path.stat()
-        file = [str(path), state.st_size, state.st_mtime_ns]
+        file = [path.name, state.st_size, state.st_mtime_ns]  # wherever it has been moved
     except OSError:
-        file = [str(path)]
+        file = [path.name]
     place = [list(row) for row in volume.matrix_world]
     return {
         STILL: _digest([*file, settings.density_grid]),
@@ -53,7 +53,7 @@ def changes(scene: bpy.types.Scene, volume: bpy.types.Object | None) -> tuple[st
     if not baked.path:
         return ()
     try:
-        path = Path(bpy.path.abspath(baked.path))
+        path = baked_file(scene)
         if baked.frames:
             first = frame_of(path)
             last = first + baked.frames - 1
@@ -96,7 +96,7 @@ def noted_lighting(scene: bpy.types.Scene, volume: bpy.types.Object | None) -> s
         return lighting(scene, volume, model)
     noted = {}
     with kept_frame(scene):
-        for frame in files(Path(bpy.path.abspath(baked.path))):
+        for frame in files(baked_file(scene)):
             scene.frame_set(frame)
             noted[frame] = lighting(scene, volume, model)
     return json.dumps(noted)
@@ -119,8 +119,9 @@ def shown_differs(scene: bpy.types.Scene, volume: bpy.types.Object | None) -> st
     baked = scene.volillum.baked
     if baked.shown is None:
         return ""
-    shown = Path(bpy.path.abspath(baked.shown.data.filepath))
-    if not shows(shown, Path(bpy.path.abspath(baked.path))):
+    if baked.shown.name not in scene.objects:
+        return "What was shown has been removed: Show bake shows it again"
+    if not shows(block_file(baked.shown.data), baked_file(scene)):
         return "An older bake is shown: Show bake shows the new one"
     noted = baked.lighting
     if baked.frames:

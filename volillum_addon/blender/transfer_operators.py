@@ -12,9 +12,9 @@ from bl_operators.presets import AddPresetBase
 from ..core.errors import InputError
 from ..readers.medium_file import apply
 from ..readers.transfer_presets import load_file
-from . import importing, modal, transfer, work
+from . import modal, transfer, work
 from .jobs import Work
-from .places import output_directory
+from .places import output_directory, relative
 
 # In Blender's own presets folder, and in the extension's.
 PRESET_FOLDER = "transfer_functions"
@@ -51,7 +51,7 @@ class VOLILLUM_OT_apply_transfer(modal.WorkOperator, bpy.types.Operator):
         def finish(path: Path) -> str:
             if data not in bpy.data.volumes or name not in bpy.data.materials:
                 raise InputError(f"volume {data!r} is gone; expected it where the result belongs")
-            bpy.data.volumes[data].filepath = importing.relative(path)
+            bpy.data.volumes[data].filepath = relative(path)
             bpy.data.materials[name].volillum.applied = signature
             return f"{data}: {path.name}"
 

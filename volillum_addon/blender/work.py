@@ -19,6 +19,7 @@ from ..models.model import Value
 from ..models.registry import models
 from . import scene_presets, stage, staleness
 from .medium_reader import MediumSettings
+from .places import relative
 from .properties import chosen_model, model_values
 from .scene_reader import Reading, read_scene, volume_path
 
@@ -90,10 +91,11 @@ def bake_all(
 def keep(scene: bpy.types.Scene, baked: Baked, source: Mapping[str, str]) -> str:
     """Note the bake in the scene's settings and return the line to say about it."""
     kept = scene.volillum.baked
-    if kept.path != str(baked.path):
+    path = relative(baked.path)
+    if kept.path != path:
         set_aside(scene)
     kept.frames = 0
-    kept.path = str(baked.path)
+    kept.path = path
     kept.model = baked.model
     kept.seconds = baked.seconds_bake + baked.seconds_hand_over
     kept.found = baked.found
@@ -108,9 +110,10 @@ def keep_frames(
 ) -> str:
     """The same for a sequence, each frame as the command line describes it."""
     kept = scene.volillum.baked
-    if kept.path != frames[0]["path"]:
+    path = relative(Path(frames[0]["path"]))
+    if kept.path != path:
         set_aside(scene)
-    kept.path, kept.model = frames[0]["path"], frames[0]["model"]
+    kept.path, kept.model = path, frames[0]["model"]
     kept.frames = len(frames)
     kept.seconds = sum(each["seconds_bake"] + each["seconds_hand_over"] for each in frames)
     kept.found = all(each["found"] for each in frames)
@@ -165,5 +168,5 @@ def keep_report(scene: bpy.types.Scene, report: Mapping[str, Any], page: Path) -
         if total is not None:
             line.error, line.noise = total["relative_rmse"], total["noise"]
             line.seconds = model["seconds"]["total"]
-    settings.report = str(page)
+    settings.report = relative(page)
     return f"compared {len(settings.results)} models: {page}"
