@@ -23,8 +23,12 @@ namespace volillum {
 
 enum class InstructionLevel { baseline, v3, v4 };
 
-// The best that this machine and this build have.
+// The best that this machine and this build have, unless it is limited.
 InstructionLevel instruction_level();
+
+// For kernels that in_packs chooses: the level is from now on at most this one. VOLILLUM_DISPATCH
+// is decided when the library is loaded, and stays.
+void limit_instructions(InstructionLevel most);
 
 // "x86-64-v4", "x86-64-v3" or "baseline".
 std::string instruction_set();

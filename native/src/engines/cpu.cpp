@@ -1,5 +1,8 @@
 #include "volillum/cpu.h"
 
+#include <algorithm>
+#include <atomic>
+
 namespace volillum {
 namespace {
 
@@ -12,11 +15,17 @@ InstructionLevel detect() {
     return InstructionLevel::baseline;
 }
 
+std::atomic<InstructionLevel> limit{InstructionLevel::v4};
+
 }  // namespace
 
 InstructionLevel instruction_level() {
     static const InstructionLevel level = detect();
-    return level;
+    return std::min(level, limit.load(std::memory_order_relaxed));
+}
+
+void limit_instructions(InstructionLevel most) {
+    limit.store(most, std::memory_order_relaxed);
 }
 
 std::string instruction_set() {
