@@ -27,7 +27,9 @@ VOLILLUM_INLINE void exp_negative(Pack &x) {
         const Pack value = (Pack)((Bits)p + ((Bits)shifted << 23));
         x = x < Real(87) ? value : Pack{};
     } else {
-        for (int lane = 0; lane < lanes_of<Pack>; ++lane) x[lane] = std::exp(-x[lane]);
+        Pack value{};
+        for (int lane = 0; lane < lanes_of<Pack>; ++lane) value[lane] = std::exp(-x[lane]);
+        x = value;
     }
 }
 

@@ -69,10 +69,8 @@ VOLILLUM_INLINE void depth_of(const Pack &x, Pack &depth) {
     clipped = clipped < 1 ? clipped : Pack{} + 1;
     if constexpr (sizeof(Real) == sizeof(float)) {
         // x = (1 + f) 2^n with 1 + f from sqrt(1/2) on, and the polynomial of Cephes' logf.
-        // Of Real's size also where this branch is not taken, as it is compiled there too.
-        using Integer = std::conditional_t<sizeof(Real) == 4, std::int32_t, std::int64_t>;
-        using Bits [[gnu::vector_size(sizeof(Pack))]] = Integer;
-        constexpr Integer root_half = 0x3f3504f3;
+        using Bits [[gnu::vector_size(sizeof(Pack))]] = std::int32_t;
+        constexpr std::int32_t root_half = 0x3f3504f3;
         const Bits shifted = (Bits)clipped - root_half;
         const Bits exponent = shifted >> 23;
         const Bits mantissa = (shifted & 0x007fffff) + root_half;
@@ -89,7 +87,9 @@ VOLILLUM_INLINE void depth_of(const Pack &x, Pack &depth) {
         const Pack square = f * f;
         depth = Real(0.5) * square - square * f * p - f - n * Real(0.693147180559945);
     } else {
-        for (int lane = 0; lane < lanes_of<Pack>; ++lane) depth[lane] = -std::log(clipped[lane]);
+        Pack value{};
+        for (int lane = 0; lane < lanes_of<Pack>; ++lane) value[lane] = -std::log(clipped[lane]);
+        depth = value;
     }
     depth = depth > 0 ? depth : Pack{};
 }
