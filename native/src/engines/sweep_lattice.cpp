@@ -14,6 +14,18 @@ constexpr int kSlabSlices = 8, kTransposedSlab = kLanes, kTileColumns = 256;
 constexpr int kFewDirections = 3, kHighTile = 64, kLowTile = 16;
 constexpr int kBatchBytes = 2 * 1024 * 1024, kLargestBatch = 16;
 
+// Large arrays of numpy and malloc lie this far behind the begin of a cache line, and a slab that
+// comes and goes by whole lines takes four fifths of the time. Not asked of the very array: where
+// slabs begin shows in the last bit of sums.
+constexpr int kArrayOffset = 16 / int(sizeof(Real));
+
+// Slices that the first slab must lack so that the others begin or, forward, end with a line.
+int line_offset(const Frame &frame) {
+    const int before = frame.forward ? frame.slices + kArrayOffset : kTransposedSlab - kArrayOffset;
+    const int first = before % kTransposedSlab;
+    return first == 0 ? 0 : kTransposedSlab - first;
+}
+
 int even_tile(int size, int largest, int multiple) {
     const int tiles = (size + largest - 1) / largest;
     const int tile = (size + tiles - 1) / tiles;
@@ -26,7 +38,8 @@ Tiling::Tiling(const Frame &frame_, std::size_t directions) : frame(frame_) {
     slab_slices = frame.transposed() ? kTransposedSlab : kSlabSlices;
     tile_rows = even_tile(frame.rows, directions <= kFewDirections ? kHighTile : kLowTile, 1);
     tile_columns = even_tile(frame.columns, kTileColumns, kLanes);
-    slabs = (frame.slices + slab_slices - 1) / slab_slices;
+    slab_offset = frame.transposed() ? line_offset(frame) : 0;
+    slabs = (slab_offset + frame.slices + slab_slices - 1) / slab_slices;
     row_tiles = (frame.rows + tile_rows - 1) / tile_rows;
     column_tiles = (frame.columns + tile_columns - 1) / tile_columns;
     const int bytes = slab_slices * tile_rows * round_up(tile_columns) * int(sizeof(Real));
@@ -35,7 +48,8 @@ Tiling::Tiling(const Frame &frame_, std::size_t directions) : frame(frame_) {
 
 Box Tiling::box(int slab, int tile) const {
     const int row = tile / column_tiles * tile_rows, column = tile % column_tiles * tile_columns;
-    return {{slab * slab_slices, std::min((slab + 1) * slab_slices, frame.slices)},
+    const int slice = slab * slab_slices - slab_offset;
+    return {{std::max(slice, 0), std::min(slice + slab_slices, frame.slices)},
             {row, std::min(row + tile_rows, frame.rows)},
             {column, std::min(column + tile_columns, frame.columns)}};
 }

@@ -11,6 +11,7 @@ namespace volillum::sweep_detail {
 struct Tiling {
     const Frame &frame;
     int slab_slices, tile_rows, tile_columns;
+    int slab_offset;  // slices that the first slab lacks
     int slabs, row_tiles, column_tiles;
     int batch;  // directions whose results are held at once
 
