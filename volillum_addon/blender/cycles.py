@@ -12,8 +12,10 @@ import json
 import time
 from pathlib import Path
 
-import _cycles
 import bpy
+
+# isort: split
+import _cycles  # there once bpy is
 import numpy as np
 
 from ..bake.vdb import read_vdb, write_vdb
