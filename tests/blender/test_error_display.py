@@ -156,11 +156,11 @@ def test_all_errors_stand_in_a_row_on_one_scale(quick: bpy.types.Scene, tmp_path
     folder = os.environ.get("VOLILLUM_KEEP_PICTURES")
     if folder:
         scene.camera.location = (
-            np.array(scene.camera.location) + 50 * np.array(scene.camera.matrix_world)[:3, 2]
+            np.array(scene.camera.location) + 45 * np.array(scene.camera.matrix_world)[:3, 2]
         )
         scene.camera.data.clip_end = 1e4
         set_cycles(scene, 4, 1)
-        render_image(scene, 1600, 300, Path(folder))
+        render_image(scene, 1500, 500, Path(folder))
     assert bpy.ops.volillum.clear_row() == {"FINISHED"}
     assert settings.exhibit is None
     assert not scene.objects["plume"].hide_render

@@ -17,8 +17,9 @@ from .sandbox import load_volume
 
 # From the most negative to the most positive error, evenly: ColorBrewer's RdBu of five, reversed.
 SCHEME = ("#0571b0", "#92c5de", "#f7f7f7", "#f4a582", "#ca0020")
-# A legend's bar, in widths of a volume: how high, how far below the volume, and its text.
-BAR, BELOW, TEXT = 0.05, 0.16, 0.055
+# A legend's bar, in widths of a volume: how high, how far below the volume, and its text; the title
+# in shares of that.
+BAR, BELOW, TEXT, TITLE = 0.05, 0.4, 0.055, 0.6
 # Where along the legend its bar's attribute runs from 0 to 1.
 ALONG = "along"
 
@@ -60,22 +61,25 @@ def error_object(found: FieldError, limit: float) -> bpy.types.Object:
     return bpy.data.objects.new(f"{get(found.model).label}: error", data)
 
 
-def legend(place: Place, limit: float, noise: float) -> list[bpy.types.Object]:
-    """The scale below a volume, or below the middle of a row of them: bar, numbers and title."""
+def legend(place: Place, limit: float, noise: float, size: float = 1.0) -> list[bpy.types.Object]:
+    """The scale below a volume and its name, or below the middle of a row of them, `size` volumes
+    wide: bar, numbers and title."""
     top = -place.height / place.width / 2 - BELOW
+    high, text = BAR * size, TEXT * size
     percent = f"{100 * limit:.3g} %"
-    texts = [
-        write(text, TEXT * place.width, place.point(x, top - BAR - TEXT), place)
-        for text, x in ((f"-{percent}", -0.5), ("0", 0.0), (f"+{percent}", 0.5))
-    ]
+    numbers = ((f"-{percent}", -0.5), ("0", 0.0), (f"+{percent}", 0.5))
     title = (
         "In-scattered radiance against full scattering, relative to its RMS "
         f"(noise {100 * noise:.2g} %)"
     )
-    named = write(
-        title, 0.6 * TEXT * place.width, place.point(0, top - BAR - 2.2 * TEXT), place
-    )  # fmt: skip
-    return [_bar(place, top), *texts, named]
+    return [
+        _bar(place, size, top, high),
+        *(
+            write(each, text * place.width, place.point(x * size, top - high - text), place)
+            for each, x in numbers
+        ),
+        write(title, TITLE * text * place.width, place.point(0, top - high - 2 * text), place),
+    ]
 
 
 def summary(found: Sequence[FieldError]) -> str:
@@ -87,9 +91,10 @@ def summary(found: Sequence[FieldError]) -> str:
     )
 
 
-def _bar(place: Place, top: float) -> bpy.types.Object:
-    corners = [place.point(x, y) for x, y in ((-0.5, top - BAR), (0.5, top - BAR), (0.5, top),
-                                              (-0.5, top))]  # fmt: skip
+def _bar(place: Place, width: float, top: float, high: float) -> bpy.types.Object:
+    left, right, bottom = -width / 2, width / 2, top - high
+    places = ((left, bottom), (right, bottom), (right, top), (left, top))
+    corners = [place.point(x, y) for x, y in places]
     data = bpy.data.meshes.new("Volillum legend")
     data.from_pydata([tuple(corner) for corner in corners], [], [(0, 1, 2, 3)])
     along = data.attributes.new(ALONG, "FLOAT", "POINT")

@@ -22,6 +22,10 @@ from .placing import lattice_corners, place_of, write
 
 # Between two volumes, and the height of a name, as shares of a volume's extent across the row.
 GAP, NAME = 0.12, 0.09
+# As many letters of a name's line fit below a volume.
+LETTERS = 27
+# How many volumes wide the legend below a row is.
+LEGEND = 3
 
 
 def arrange(scene: bpy.types.Scene, bakes: Sequence[Baked]) -> bpy.types.Collection:
@@ -49,7 +53,8 @@ def arrange_errors(
 
     row = _row(scene, files, "ERROR", add)
     place = place_of(scene, lattice_corners(read_metadata(bakes[0].path)))
-    for each in legend(place, limit, max(error.noise for error in errors)):
+    size = min(len(bakes), LEGEND)
+    for each in legend(place, limit, max(error.noise for error in errors), size):
         row.objects.link(each)
     return row
 
@@ -71,8 +76,10 @@ def _row(
             along = (index - (len(files) - 1) / 2) * (1 + GAP)
             add(index, row).location = along * place.width * place.turn[:, 0]
             below = -place.height / place.width / 2 - 2 * NAME
-            name = write(get(model).label, NAME * place.width, place.point(along, below), place)
-            row.objects.link(name)
+            label = get(model).label.replace(", ", ",\n")
+            longest = max(map(len, label.split("\n")))
+            size = NAME * place.width * min(1, LETTERS / longest)
+            row.objects.link(write(label, size, place.point(along, below), place))
     except BaseException:
         showing.hide(scene)
         raise
