@@ -238,6 +238,6 @@ FAULTS = (
         "volillum_addon/models/photon_lights.py",
         "share * _falloff(",
         "_falloff(",
-        ("tests/models/test_photon_mapping.py::test_an_area_light_has_a_size",),
+        ("tests/models/test_photon_lights.py::test_an_area_light_has_a_size",),
     ),
 )

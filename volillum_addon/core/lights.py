@@ -251,7 +251,10 @@ class EnvironmentLight:
         return np.asarray(self.radiance).ndim == 3
 
     def fluence(self, point: NDArray[np.float64]) -> Rgb:
-        return np.asarray(self.harmonics()[0] * math.sqrt(4 * math.pi))
+        radiance = np.asarray(self.radiance)
+        if radiance.ndim == 1:
+            return 4 * math.pi * radiance
+        return np.asarray(_row_solid_angles(*radiance.shape[:2]) @ radiance.sum(axis=1))
 
     def harmonics(self) -> NDArray[np.float64]:
         """Coefficients [16, 3] of the radiance over outward world directions."""
@@ -285,8 +288,7 @@ def latitude_longitude(height: int, width: int) -> tuple[NDArray[np.float64], ND
     """Directions [h, w, 3] of the pixel centres and exact solid angles [h, w] of the pixels."""
     elevation = math.pi * (0.5 - (np.arange(height) + 0.5) / height)
     azimuth = 2 * math.pi * (0.5 - (np.arange(width) + 0.5) / width)
-    edges = math.pi * (0.5 - np.arange(height + 1) / height)
-    band = (np.sin(edges[:-1]) - np.sin(edges[1:])) * 2 * math.pi / width
+    band = _row_solid_angles(height, width)
     cosine = np.cos(elevation)[:, None]
     directions = np.stack(
         [
@@ -297,6 +299,12 @@ def latitude_longitude(height: int, width: int) -> tuple[NDArray[np.float64], ND
         axis=-1,
     )
     return directions, np.broadcast_to(band[:, None], (height, width))
+
+
+def _row_solid_angles(height: int, width: int) -> NDArray[np.float64]:
+    """Exact solid angle of a pixel in each row [h]."""
+    edges = math.pi * (0.5 - np.arange(height + 1) / height)
+    return np.asarray((np.sin(edges[:-1]) - np.sin(edges[1:])) * 2 * math.pi / width)
 
 
 def _distance_squared(position: ArrayLike, point: NDArray[np.float64]) -> float:

@@ -145,9 +145,10 @@ def remarks(volume: IlluminationVolume) -> tuple[str, ...]:
         return ()
     ratio = min(energy[2] / energy[1], 1.0)
     rest = energy[2] * g**6 * ratio / (1 - g * g * ratio)
+    share = f"{float(f'{100 * math.sqrt(rest / power):.2g}'):g}"
     return (
         f"the light that is scattered more than once keeps the bands 0 to {MOMENT_ORDER} of its "
-        f"directions; the others are estimated at {100 * math.sqrt(rest / power):.2g} % of the "
+        f"directions; the others are estimated at {share} % of the "
         "radiance",
     )
 
