@@ -9,13 +9,14 @@ PROJECT := .venv/.project
 NATIVE_SOURCES := $(shell find native -mindepth 1 -name build -prune -o -name __pycache__ -prune -o -print)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup native test demo bench accuracy recommendations gallery mutations sanitize double properties extension window lint format lock clean
+.PHONY: help setup native test demo bench accuracy witness recommendations gallery mutations sanitize double properties extension window lint format lock clean
 
 help:
 	@echo "make test       run the tests"
 	@echo "make demo       compare every model on a real volume; see build/demo/report.html"
 	@echo "make bench      time the kernels"
 	@echo "make accuracy   measure every model's numerical error on real volumes: docs/accuracy.md"
+	@echo "make witness    test photon mapping against Cycles on real volumes by z-test (20 minutes)"
 	@echo "make recommendations  measure what the analysis recommends: docs/recommendations.md"
 	@echo "make gallery    render the standard scenes: docs/gallery.md"
 	@echo "make mutations  plant known faults and check that the tests notice"
@@ -61,6 +62,9 @@ bench: setup
 
 accuracy: setup
 	@$(PYTHON_RUN) tests/benchmarks/accuracy.py -o docs/accuracy.md $(ARGS)
+
+witness: setup
+	@$(PYTHON_RUN) tests/benchmarks/witness.py $(ARGS)
 
 recommendations: setup
 	@$(PYTHON_RUN) tests/benchmarks/recommendations.py -o docs/recommendations.md $(ARGS)

@@ -98,27 +98,27 @@ def main() -> None:
         sigma_t = density * np.float32(side)
         engine = volillum_native.Photons(sigma_t, sigma_t * np.float32(0.9), affine)
         source = volillum_native.PhotonSource.distant(SUN, 1.0)
-        sums = np.zeros((sigma_t.size, 1, 1), np.int64)
-        squares = np.zeros((sigma_t.size, 1))
+        sums = np.zeros((sigma_t.size, 1, 1), np.float32)
+        deviations = np.zeros((sigma_t.size, 1), np.float32)
         seconds, passes, error, scatterings = [], 0, np.inf, 0.0
         matter = sigma_t.reshape(-1) > 0
         while len(seconds) <= options.repeats or error > WANTED:
             begin = time.perf_counter()
-            tally = engine.run(source, sums, squares, seed=1, pass_index=passes, photons=photons,
+            tally = engine.run(source, sums, deviations, seed=1, pass_index=passes, photons=photons,
                                threads=options.threads)  # fmt: skip
             seconds.append(time.perf_counter() - begin)
             passes += 1
             scatterings = float(tally["scatterings"]) / photons
             if passes > 1:
-                mean = sums[matter, 0, 0] / passes
-                variance = (squares[matter, 0] / passes - mean**2) / (passes - 1)
+                mean = sums[matter, 0, 0].astype(np.float64) / passes
+                variance = deviations[matter, 0] / (passes * (passes - 1.0))
                 error = float(np.sqrt(variance.sum() / (mean**2).sum()))
         # The first pass also makes its buffers.
         rate = photons / float(np.median(seconds[1:]))
         alone = []
         for index in range(options.repeats + 1):
             begin = time.perf_counter()
-            engine.run(source, sums, squares, seed=2, pass_index=index, photons=photons,
+            engine.run(source, sums, deviations, seed=2, pass_index=index, photons=photons,
                        deposits=False, threads=options.threads)  # fmt: skip
             alone.append(time.perf_counter() - begin)
         row = {

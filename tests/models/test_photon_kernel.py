@@ -58,12 +58,12 @@ def blocks_of(majorant: float, photons: int, replicates: int, alpha: float) -> N
     lamp = PhotonSource.point(LAMP)
     unit = engine.deposit_unit(lamp, True) / photons
     result = np.zeros((replicates, len(BLOCKS), SIZE, SIZE, SIZE))
-    squares = np.zeros((SIZE**3, 1))
+    deviations = np.zeros((SIZE**3, 1), np.float32)
     for seed in range(replicates):
         for block, (begin, end) in enumerate(BLOCKS):
-            sums = np.zeros((SIZE**3, 1, 1), np.int64)
+            sums = np.zeros((SIZE**3, 1, 1), np.float32)
             for index in range(begin, end):
-                engine.run(lamp, sums, squares, seed=seed, pass_index=index, photons=photons,
+                engine.run(lamp, sums, deviations, seed=seed, pass_index=index, photons=photons,
                            unscattered=True, radius=radius(FIRST, alpha, index))  # fmt: skip
             result[seed, block] = sums.reshape(SIZE, SIZE, SIZE) * (unit / (end - begin))
     return result

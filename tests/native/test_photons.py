@@ -39,15 +39,15 @@ class Run:
         self.source, self.photons, self.unscattered = source, photons, unscattered
         colours = self.engine.colours(source)
         self.shape = sigma_t.shape[1:]
-        self.sums = np.zeros((math.prod(self.shape), moments, colours), np.int64)
-        self.squares = np.zeros((math.prod(self.shape), colours))
+        self.sums = np.zeros((math.prod(self.shape), moments, colours), np.float32)
+        self.deviations = np.zeros((math.prod(self.shape), colours), np.float32)
         self.tallies: list[dict[str, object]] = []
 
     def add(self, *passes: int, seed: int = 1, threads: int = 0) -> Run:
         for index in passes:
             self.tallies.append(
                 self.engine.run(
-                    self.source, self.sums, self.squares, seed=seed, pass_index=index,
+                    self.source, self.sums, self.deviations, seed=seed, pass_index=index,
                     photons=self.photons, unscattered=self.unscattered, threads=threads,
                 )
             )  # fmt: skip
@@ -62,7 +62,7 @@ class Run:
         for index in range(count):
             self.sums[:] = 0
             self.add(index, seed=seed)
-            found.append(self.sums * self.unit())
+            found.append(self.sums.astype(np.float64) * self.unit())
         return np.array(found)
 
 
@@ -240,9 +240,9 @@ def test_standard_errors_are_calibrated() -> None:
     for seed in range(runs):
         run = Run(sigma_t, sigma_t * np.float32(0.8), PhotonSource.environment(), photons=300)
         run.add(*range(passes), seed=seed)
-        mean = run.sums[:, 0, 0] / passes
+        mean = run.sums[:, 0, 0].astype(np.float64) / passes
         means.append(mean)
-        variances.append((run.squares[:, 0] / passes - mean**2) / (passes - 1))
+        variances.append(run.deviations[:, 0].astype(np.float64) / passes / (passes - 1))
     ratio = np.mean(variances, axis=0) / np.var(means, axis=0, ddof=1)
     # Relative standard deviation of a variance from 400 nearly normal means: sqrt(2 / 399) = 0.07.
     # 60 voxels: 4.5 of them; their mean, were they one, at most as far.
@@ -259,7 +259,7 @@ def test_threads_change_no_bit(channels: int) -> None:
             run = Run(sigma_t, sigma_t * np.float32(0.9), PhotonSource.environment(),
                       photons=40_000, moments=9)  # fmt: skip
             run.add(0, 1, threads=threads)
-            prints.append((run.sums.tobytes(), run.squares.tobytes(), run.tallies))
+            prints.append((run.sums.tobytes(), run.deviations.tobytes(), run.tallies))
         assert prints[0] == prints[1] == prints[2]
         assert run.sums.any()
 
@@ -281,7 +281,7 @@ def test_a_cancelled_pass_leaves_nothing() -> None:
     control = native.Control()
     control.cancel()
     with pytest.raises(native.Cancelled):
-        run.engine.run(run.source, run.sums, run.squares, seed=1, pass_index=1, photons=10_000,
+        run.engine.run(run.source, run.sums, run.deviations, seed=1, pass_index=1, photons=10_000,
                        control=control)  # fmt: skip
     assert np.array_equal(run.sums, before)
     again = Run(sigma_t, sigma_t, PhotonSource.environment()).add(0, 1)
@@ -321,9 +321,9 @@ def test_bad_input_is_refused_in_plain_words() -> None:
     sigma_t = random_medium()
     run = Run(sigma_t, sigma_t, PhotonSource.environment())
     with pytest.raises(ValueError, match="photons is 0; expected 1 to 100000000"):
-        run.engine.run(run.source, run.sums, run.squares, seed=0, pass_index=0, photons=0)
+        run.engine.run(run.source, run.sums, run.deviations, seed=0, pass_index=0, photons=0)
     with pytest.raises(ValueError, match="sums has shape"):
-        run.engine.run(run.source, run.sums[1:], run.squares, seed=0, pass_index=0, photons=1)
+        run.engine.run(run.source, run.sums[1:], run.deviations, seed=0, pass_index=0, photons=1)
     with pytest.raises(ValueError, match="g is 1"):
         Photons(sigma_t, sigma_t, AFFINE, 1.0)
     with pytest.raises(ValueError, match="expected a positive number"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,8 @@ from .errors import bad, bad_voxels
 
 # A determinant below this share of the product of the axes' lengths is a collapsed (singular) box.
 SINGULAR = 1e-9
+# Voxels of a slab.
+SLAB = 1 << 13
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +63,13 @@ class Grid:
         """Voxels along i, j, k."""
         nx, ny, nz = self.values.shape[:3]
         return nx, ny, nz
+
+    def slabs(self) -> Iterator[slice]:
+        """Ranges of i of about SLAB voxels, one after another: what is worked on in them needs no
+        temporaries of the lattice's size."""
+        count, j, k = self.shape
+        step = max(1, SLAB // (j * k))
+        return (slice(first, min(first + step, count)) for first in range(0, count, step))
 
     @property
     def channels(self) -> int:

@@ -67,6 +67,7 @@ def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
         state.refine(
             int(values["passes"]), control, float(values["error"]), float(values["seconds"])
         )
+    state.release()
     return state.channels()
 
 

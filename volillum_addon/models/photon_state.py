@@ -6,7 +6,9 @@ import math
 import os
 import tempfile
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from hashlib import blake2b
 from pathlib import Path
 
@@ -29,7 +31,7 @@ from .volume import STANDARD_ERROR
 LEAST_PASSES = 2
 # Share of the progress that unscattered light takes.
 UNSCATTERED_SHARE = 0.1
-STATE_FORMAT = 1
+STATE_FORMAT = 2
 # The largest share of the scatterings that may be left out because photons are given up. One that
 # is given up would have scattered about as often again, or more.
 MOST_LEFT_OUT = 0.01
@@ -41,17 +43,17 @@ PACK = 3
 class Part:
     """One light, or the medium's emission, at unit strength.
 
-    `sums` int64 [voxels, moments, colours] and `squares` float64 [voxels, colours] are the native
-    engine's, of `passes` passes; `unscattered` [1 or 9 moments, 1 or 3, i, j, k] is exact, None for
-    the medium's emission; `scale` is the in-scattered radiance of one unit of `sums`, times the
-    number of photons. `one_way`: unscattered light comes from one direction, and is kept apart
-    where the phase function needs to know. `scatterings` of all photons, of which `endless` were
-    given up.
+    `sums` float32 [voxels, moments, colours] and `deviations` float32 [voxels, colours] are the
+    native engine's, of `passes` passes; `unscattered` [1 or 9 moments, 1 or 3, i, j, k] is exact,
+    None for the medium's emission; `scale` is the in-scattered radiance of one unit of `sums`,
+    times the number of photons. `one_way`: unscattered light comes from one direction, and is kept
+    apart where the phase function needs to know. `scatterings` of all photons, of which `endless`
+    were given up.
     """
 
     source: native.PhotonSource
-    sums: NDArray[np.int64]
-    squares: NDArray[np.float64]
+    sums: NDArray[np.float32]
+    deviations: NDArray[np.float32]
     unscattered: NDArray[np.float32] | None
     scale: float
     strength: NDArray[np.float64]
@@ -64,8 +66,9 @@ class Part:
 class PhotonState:
     """A run that can be refined, saved and continued.
 
-    Pass k draws the random numbers of (seed, k), and sums are integers: a continued run equals an
-    uninterrupted one bit for bit, with any number of threads.
+    Pass k draws the random numbers of (seed, k), its sums are integers, and passes are added in the
+    order of their numbers: a continued run equals an uninterrupted one bit for bit, with any number
+    of threads.
     """
 
     def __init__(self, scene: Scene, values: Values, control: Control | None = None) -> None:
@@ -117,8 +120,8 @@ class PhotonState:
         voxels = math.prod(self._traced)
         return Part(
             source,
-            np.zeros((voxels, self._moments, colours), np.int64),
-            np.zeros((voxels, colours), np.float64),
+            np.zeros((voxels, self._moments, colours), np.float32),
+            np.zeros((voxels, colours), np.float32),
             unscattered,
             unit * self._photons.deposit_unit(source, unscattered is None),
             strength,
@@ -166,12 +169,13 @@ class PhotonState:
             return 0.0
         return photon_kernel.radius(self._first_radius, float(self.values["alpha"]), index)
 
-    def _inner[Scalar: np.generic](self, values: NDArray[Scalar]) -> NDArray[Scalar]:
-        return photon_kernel.inner(values, self.scene.medium.sigma_t.shape, self._margin)
+    def _inner[Scalar: np.generic](self, values: NDArray[Scalar], slab: slice) -> NDArray[Scalar]:
+        """Values [traced voxels, colours] of the lattice's own voxels, [slab, j, k, colours]."""
+        return photon_kernel.inner(values, self.scene.medium.sigma_t.shape, self._margin)[slab]
 
     def _trace(self, index: int, part: Part, control: Control) -> None:
         tally = self._photons.run(
-            part.source, part.sums, part.squares,
+            part.source, part.sums, part.deviations,
             seed=(int(self.values["noise_seed"]) << 16) + index,
             pass_index=part.passes, photons=int(self.values["photons"]),
             unscattered=part.unscattered is None, radius=self._radius(part.passes),
@@ -202,60 +206,86 @@ class PhotonState:
             if part.one_way and part.unscattered is not None:
                 name = "direct" + suffix
                 result[name] = channels_of(lattice, part.unscattered[0], name)
-            moments = [self._moment(part, m) for m in range(self._moments)]
-            if len(moments) == 1:
-                name = "light" + suffix
-                result[name] = channels_of(lattice, moments[0], name)
-            elif len(moments[0]) == 3:
-                for m, planes in enumerate(moments):
-                    name = f"moment_{m}{suffix}"
-                    result[name] = channels_of(lattice, planes, name)
-            else:
-                for first in range(0, len(moments), PACK):
-                    name = f"moments_{first // PACK}{suffix}"
-                    planes = np.concatenate(moments[first : first + PACK])
-                    result[name] = channels_of(lattice, planes, name)
-        error = np.sqrt(self._variance()).astype(np.float32).T.reshape(-1, *lattice.shape)
-        result[STANDARD_ERROR] = channels_of(lattice, error, STANDARD_ERROR)
+            for name, moments in self._packs(part).items():
+                result[name + suffix] = self._filled(
+                    name + suffix,
+                    len(moments) * part.sums.shape[2],
+                    partial(self._moments_of, part, moments),
+                )
+        result[STANDARD_ERROR] = self._filled(
+            STANDARD_ERROR, 1 if self._is_grey() else 3, lambda slab: np.sqrt(self._variance(slab))
+        )
         return result
 
-    def _moment(self, part: Part, moment: int) -> NDArray[np.float32]:
-        """One moment at unit strength, [1 or 3, i, j, k], of what is not kept apart."""
+    def _packs(self, part: Part) -> dict[str, tuple[int, ...]]:
+        """Channels of what is not kept apart, and their moments: coloured ones in grids of their
+        own, scalar ones three to a grid."""
+        if self._moments == 1:
+            return {"light": (0,)}
+        every = range(self._moments)
+        if part.sums.shape[2] == 3:
+            return {f"moment_{m}": (m,) for m in every}
+        return {f"moments_{m // PACK}": tuple(every[m : m + PACK]) for m in every[::PACK]}
+
+    def release(self) -> None:
+        """Give back what only further passes need; there can be none afterwards."""
+        del self._photons
+
+    def _filled(
+        self, name: str, channels: int, values: Callable[[slice], NDArray[np.floating]]
+    ) -> Grid:
+        """A grid of `values` [slab, j, k, channels]."""
+        lattice = self.scene.medium.sigma_t
+        result = np.empty((*lattice.shape, channels), np.float32)
+        for slab in lattice.slabs():
+            result[slab] = values(slab)
+        return lattice.with_values(result[..., 0] if channels == 1 else result, name)
+
+    def _moments_of(self, part: Part, moments: tuple[int, ...], slab: slice) -> NDArray[np.float32]:
+        """Several moments, [slab, j, k, moments or colours]."""
+        return np.concatenate([self._moment(part, m, slab) for m in moments], axis=-1)
+
+    def _moment(self, part: Part, moment: int, slab: slice) -> NDArray[np.float32]:
+        """One moment at unit strength, [slab, j, k, 1 or 3], of what is not kept apart."""
         scale = part.scale / (int(self.values["photons"]) * part.passes)
-        scattered = self._inner(part.sums[:, moment]).T * scale
-        planes = scattered.reshape(-1, *self.scene.medium.sigma_t.shape).astype(np.float32)
+        sums = self._inner(part.sums[:, moment], slab).astype(np.float64)
+        scattered = (sums * scale).astype(np.float32)
         if part.unscattered is None or part.one_way:
-            return planes
-        return np.asarray(planes + part.unscattered[moment])
+            return scattered
+        return np.asarray(scattered + np.moveaxis(part.unscattered[moment][:, slab], 0, -1))
 
     def relative_error(self) -> float:
         """Root mean square of the standard error over that of the in-scattered radiance (its mean
         over directions), in voxels with matter."""
         self._need_passes()
-        sigma_t = self.scene.medium.sigma_t.planes()
-        matter = (sigma_t > 0).any(axis=0)
-        total = np.zeros((3, int(matter.sum())))
-        for part in self.parts:
-            values = self._moment(part, 0)[:, matter].astype(np.float64)
-            if part.one_way and part.unscattered is not None:
-                values = values + part.unscattered[0][:, matter]
-            total += values * part.strength[:, None]
-        variance = np.broadcast_to(self._variance()[matter.reshape(-1)], total.T.shape).sum()
-        power = (total**2).sum()
-        return math.sqrt(variance / power) if power > 0 else 0.0
+        noise = power = 0.0
+        for slab in self.scene.medium.sigma_t.slabs():
+            matter = self.scene.medium.sigma_t.values[slab] > 0
+            if matter.ndim == 4:
+                matter = matter.any(axis=-1)
+            total = np.zeros((int(matter.sum()), 3))
+            for part in self.parts:
+                values = self._moment(part, 0, slab)[matter].astype(np.float64)
+                if part.one_way and part.unscattered is not None:
+                    values = values + np.moveaxis(part.unscattered[0][:, slab], 0, -1)[matter]
+                total += values * part.strength
+            noise += float(np.broadcast_to(self._variance(slab)[matter], total.shape).sum())
+            power += float((total**2).sum())
+        return math.sqrt(noise / power) if power > 0 else 0.0
 
-    def _variance(self) -> NDArray[np.float64]:
-        """Squared standard error of the in-scattered radiance, [voxels, 1 or 3]."""
-        grey = all(part.sums.shape[2] == 1 and np.ptp(part.strength) == 0 for part in self.parts)
-        voxels = math.prod(self.scene.medium.sigma_t.shape)
-        total = np.zeros((voxels, 1 if grey else 3))
+    def _is_grey(self) -> bool:
+        return all(part.sums.shape[2] == 1 and np.ptp(part.strength) == 0 for part in self.parts)
+
+    def _variance(self, slab: slice) -> NDArray[np.float64]:
+        """Squared standard error of the in-scattered radiance, [slab, j, k, 1 or 3]."""
+        total = np.zeros(1)
+        channels = 1 if self._is_grey() else 3
         for part in self.parts:
             count = part.passes
-            mean = self._inner(part.sums[:, 0]) / count
-            squares = self._inner(part.squares)
-            variance = np.maximum(squares / count - mean**2, 0) / (count - 1)
-            scale = part.scale / int(self.values["photons"]) * part.strength[: total.shape[1]]
-            total += variance * scale**2
+            deviations = self._inner(part.deviations, slab).astype(np.float64)
+            variance = deviations / (count * (count - 1))
+            scale = part.scale / int(self.values["photons"]) * part.strength[:channels]
+            total = total + variance * scale**2
         return total
 
     def _need_passes(self) -> None:
@@ -271,7 +301,8 @@ class PhotonState:
             "passes": np.array([part.passes for part in self.parts]),
         }
         for index, part in enumerate(self.parts):
-            arrays[f"sums_{index}"], arrays[f"squares_{index}"] = part.sums, part.squares
+            arrays[f"sums_{index}"] = part.sums
+            arrays[f"deviations_{index}"] = part.deviations
         handle, temporary = tempfile.mkstemp(dir=target.parent, suffix=".part")
         try:
             with os.fdopen(handle, "wb") as file:
@@ -296,7 +327,8 @@ class PhotonState:
         if str(stored["inputs"]) != self._fingerprint():
             raise bad(f"{path}'s inputs", "others", "this scene, photons, seed and estimate")
         for index, part in enumerate(self.parts):
-            part.sums, part.squares = stored[f"sums_{index}"], stored[f"squares_{index}"]
+            part.sums = stored[f"sums_{index}"]
+            part.deviations = stored[f"deviations_{index}"]
             part.passes = int(stored["passes"][index])
 
     def _fingerprint(self) -> str:

@@ -119,8 +119,12 @@ class IlluminationVolume:
         return self.medium.sigma_t.with_values(shown, "in_scattered")
 
     def mean_over_views(self) -> Grid:
-        """In-scattered radiance averaged over all directions to the eye, [i, j, k, 3]: a phase
-        function has the mean 1, and of the moments only the first has a mean."""
+        """In-scattered radiance averaged over all directions to the eye, [i, j, k, 3]."""
+        return self._averaged().in_scattered()
+
+    def _averaged(self) -> IlluminationVolume:
+        """With the mean over all directions to the eye as its radiance: a phase function has the
+        mean 1, and of the moments only the first has a mean."""
         terms = []
         for term in self.radiance:
             if isinstance(term.angular, Moment):
@@ -129,16 +133,16 @@ class IlluminationVolume:
                 red, green, blue = (weight / math.sqrt(4 * math.pi) for weight in term.weight)
                 term = replace(term, weight=(red, green, blue))
             terms.append(replace(term, angular=None))
-        return self.with_radiance(tuple(terms)).in_scattered()
+        return self.with_radiance(tuple(terms))
 
-    def _summed(self, angular: Angular | None) -> NDArray[np.float32]:
-        """The sum of the terms with this dependence on the eye, without it, [i, j, k, 3]."""
-        total = np.zeros((*self.medium.sigma_t.shape, 3), np.float32)
+    def _summed(self, angular: Angular | None, slab: slice = slice(None)) -> NDArray[np.float32]:
+        """The sum of the terms with this dependence on the eye, without it, [slab, j, k, 3]."""
+        total = np.zeros((*self.medium.sigma_t.values[slab].shape[:3], 3), np.float32)
         for term in self.radiance:
             if term.angular == angular:
                 product = np.broadcast_to(np.asarray(term.weight, np.float32), (1, 1, 1, 3))
                 for factor in term.factors:
-                    product = product * self.component(factor)
+                    product = product * self.component(factor)[slab]
                 total += product
         return total
 
@@ -166,9 +170,15 @@ class IlluminationVolume:
         there is matter; None without that channel."""
         if STANDARD_ERROR not in self.channels:
             return None
-        matter = self.medium.sigma_t.values.reshape(*self.medium.sigma_t.shape, -1).any(-1)
-        power = np.mean(self.mean_over_views().values[matter].astype(np.float64) ** 2)
-        noise = np.mean(self.channels[STANDARD_ERROR].values[matter].astype(np.float64) ** 2)
+        averaged, sigma_t = self._averaged(), self.medium.sigma_t
+        errors = self.channels[STANDARD_ERROR]
+        noise = power = 0.0
+        for slab in sigma_t.slabs():
+            matter = sigma_t.values[slab].reshape(*sigma_t.values[slab].shape[:3], -1).any(-1)
+            shown = np.maximum(averaged._summed(None, slab), 0)[matter].astype(np.float64)
+            error = errors.values[slab][matter].astype(np.float64)
+            power += float((shown**2).sum()) / 3
+            noise += float((error**2).sum()) / errors.channels
         return math.sqrt(noise / power) if power > 0 else 0.0
 
     def component(self, factor: Factor) -> NDArray[np.float32]:

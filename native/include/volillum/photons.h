@@ -78,15 +78,16 @@ struct PhotonTally {
 };
 
 // Sums over passes, owned by the caller, all starting at 0: sums[voxels][moments][colours] and
-// squares[voxels][colours], squares of each pass's zeroth moment.
+// deviations[voxels][colours], squared deviations of the passes' zeroth moments from their mean.
 struct PhotonSums {
-    std::int64_t *sums;
-    double *squares;
+    float *sums;
+    float *deviations;
 };
 
 // One pass.
 struct PhotonRun {
-    std::uint64_t seed = 0, pass = 0;  // both choose the random numbers
+    // Both choose the random numbers; `pass` is also how many passes the sums hold already.
+    std::uint64_t seed = 0, pass = 0;
     std::size_t photons = 0;
     // 1: fluence. 9: also its directional moments, sqrt(4 pi) Y_lm of the directions to the
     // source, l <= 2.

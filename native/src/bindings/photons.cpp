@@ -13,8 +13,8 @@ using namespace volillum::bindings;
 namespace {
 
 using Kind = PhotonSource::Kind;
-using Sums = nb::ndarray<std::int64_t, nb::c_contig, nb::device::cpu>;
-using Squares = nb::ndarray<double, nb::c_contig, nb::device::cpu>;
+using Sums = nb::ndarray<float, nb::c_contig, nb::device::cpu>;
+using Deviations = nb::ndarray<float, nb::c_contig, nb::device::cpu>;
 
 Vec3 unit_vector(nb::handle value, const char *name) {
     const Vec3 vector = as_vector(value, name);
@@ -159,7 +159,7 @@ public:
         return tracer_->deposit_unit(source, unscattered);
     }
 
-    nb::dict run(const PhotonSource &source, Sums sums, Squares squares, std::uint64_t seed,
+    nb::dict run(const PhotonSource &source, Sums sums, Deviations deviations, std::uint64_t seed,
                  std::uint64_t pass, std::int64_t photons, bool unscattered, double radius,
                  bool deposits, int threads, Control *control) {
         const std::size_t voxels = shape_[0] * shape_[1] * shape_[2], each = colours(source);
@@ -168,8 +168,8 @@ public:
         if (shape_of(sums) != std::vector<std::size_t>{voxels, moments, each})
             fail("sums has shape " + shape_text(shape_of(sums)) + "; expected " +
                  shape_text({voxels, moments, each}) + " with 1 or 9 moments");
-        if (shape_of(squares) != std::vector<std::size_t>{voxels, each})
-            fail("squares has shape " + shape_text(shape_of(squares)) + "; expected " +
+        if (shape_of(deviations) != std::vector<std::size_t>{voxels, each})
+            fail("deviations has shape " + shape_text(shape_of(deviations)) + "; expected " +
                  shape_text({voxels, each}));
         if (photons < 1 || photons > 100000000)
             fail("photons is " + std::to_string(photons) + "; expected 1 to 100000000");
@@ -191,7 +191,7 @@ public:
         PhotonTally tally;
         {
             const nb::gil_scoped_release release;
-            tally = tracer_->run(source, pass_of, {sums.data(), squares.data()});
+            tally = tracer_->run(source, pass_of, {sums.data(), deviations.data()});
         }
         const auto list = [&](const PhotonTally::Each &values) {
             nb::list result;
@@ -275,14 +275,15 @@ of length, at least, also in the void, for the kernel estimate.)")
              "Colours of the deposits, 1 or 3: as few as medium and source allow.")
         .def("deposit_unit", &Photons::deposit_unit, "source"_a, "unscattered"_a = false,
              "In-scattered radiance of one unit of `sums`, times the number of photons.")
-        .def("run", &Photons::run, "source"_a, "sums"_a.noconvert(), "squares"_a.noconvert(),
+        .def("run", &Photons::run, "source"_a, "sums"_a.noconvert(), "deviations"_a.noconvert(),
              nb::kw_only(), "seed"_a, "pass_index"_a, "photons"_a, "unscattered"_a = false,
              "radius"_a = 0.0, "deposits"_a = true, "threads"_a = 0, "control"_a = nb::none(),
              R"(Traces one pass and adds it to the sums, whole or (when cancelled) not at all.
 
-sums: int64 [voxels, 1 or 9, colours], the track lengths of each voxel's box, times sqrt(4 pi) Y_lm
-of the directions to the source (l <= 2) where there are 9; squares: float64 [voxels, colours], the
-squares of each pass's first. `seed` and `pass_index` choose the random numbers. `unscattered`:
+sums: float32 [voxels, 1 or 9, colours], the track lengths of each voxel's box, times sqrt(4 pi) Y_lm
+of the directions to the source (l <= 2) where there are 9; deviations: float32 [voxels, colours],
+the squared deviations of each pass's first from their mean. `seed` and `pass_index` choose the
+random numbers; `pass_index` is also how many passes the sums hold already. `unscattered`:
 light that comes straight from the source counts too. `radius`: 0, or that of the kernel estimate
 (world units): possible collisions within it of a voxel's centre, over the ball's volume and the
 majorant. `deposits` False: only traces, to be timed.

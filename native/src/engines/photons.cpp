@@ -63,9 +63,13 @@ void add(PhotonTally &to, const PhotonTally &from) {
     to.endless += from.endless;
 }
 
-// Adds the threads' deposits of a pass to the sums and empties them. Not cancelled half way.
+// Adds the threads' deposits of a pass to the sums, which hold `passes` already, and empties them.
+// Not cancelled half way. Squared deviations from the mean are updated as by Welford (1962): they
+// lose nothing to cancellation, so that float32 is enough, as it is for sums of up to a million
+// passes, each of which is an exact integer first.
 void fold(std::vector<Deposits> &deposits, std::size_t voxels, std::size_t width, std::size_t each,
-          int threads, const PhotonSums &result) {
+          std::uint64_t passes, int threads, const PhotonSums &result) {
+    const double before = double(passes), share = before / (before + 1.0);
     std::vector<Deposits::Spill> spilled;
     for (Deposits &some : deposits) {
         spilled.insert(spilled.end(), some.spilled.begin(), some.spilled.end());
@@ -85,10 +89,14 @@ void fold(std::vector<Deposits> &deposits, std::size_t voxels, std::size_t width
                 some.values()[i] = 0;
             }
             for (; carry != spilled.end() && carry->first == i; ++carry) sum += carry->second;
-            if (sum == 0) continue;
-            result.sums[i] += sum;
+            float &total = result.sums[i];
+            if (sum == 0 && total == 0.0f) continue;
             const std::size_t part = i % width;
-            if (part < each) result.squares[i / width * each + part] += double(sum) * double(sum);
+            if (part < each && passes > 0) {
+                const double off = double(sum) - double(total) / before;
+                result.deviations[i / width * each + part] += float(off * off * share);
+            }
+            total = float(double(total) + double(sum));
         }
     });
 }
@@ -202,7 +210,7 @@ PhotonTally PhotonTracer::run(const PhotonSource &source, const PhotonRun &run,
         deposits.clear();
         throw;
     }
-    fold(deposits, field.voxels, width, each, int(workers), result);
+    fold(deposits, field.voxels, width, each, run.pass, int(workers), result);
     PhotonTally tally;
     for (const TraceResult &some : results) add(tally, some.tally);
     return tally;
