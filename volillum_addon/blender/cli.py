@@ -138,7 +138,7 @@ def _add_compare(command: argparse.ArgumentParser) -> None:
 def _add_demo(command: argparse.ArgumentParser) -> None:
     _add_output(command)
     compare_command.add_thoroughness(
-        command, samples=32, noise=2.0, seconds=45.0, rays=16, width=72
+        command, samples=32, noise=2.0, seconds=36.0, rays=12, width=64
     )
     command.set_defaults(run=_demo)
 
