@@ -56,7 +56,7 @@ def bake(cli: ModuleType, volume: Path) -> None:
     getattr(settings, settings.model).directions = 8
     assert bpy.ops.volillum.bake() == {"FINISHED"}
     (baked,) = (file.parent / "volillum").iterdir()
-    assert Path(settings.baked.path) == baked
+    assert Path(bpy.path.abspath(settings.baked.path)) == baked
     assert bpy.ops.volillum.show() == {"FINISHED"}
     shown = settings.baked.shown.data
     assert shown.grids.load(), shown.grids.error_message
