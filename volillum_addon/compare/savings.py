@@ -57,8 +57,8 @@ def lacking(scene: Scene, model: Model, values: Values) -> Iterator[tuple[str, S
         emission = None if medium.emission is None else _tinted(medium.emission)
         tinted = replace(medium, sigma_t=sigma_t, sigma_s=sigma_s, emission=emission)
         yield "coloured matter", replace(scene, medium=tinted)
-    operator = model.operator(values)
-    if medium.emission is None and (operator.gathers_emission or model.shows_emission(values)):
+    gathers = any(own.operator.gathers_emission for own in model.equations(scene, values))
+    if medium.emission is None and (gathers or model.shows_emission(values)):
         glow = medium.sigma_t.with_values(medium.sigma_t.values * GLOW, "emission")
         yield "a glow", replace(scene, medium=replace(medium, emission=glow))
     if medium.g == 0 and model.knows_phase():
