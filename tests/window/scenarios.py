@@ -196,6 +196,7 @@ def comparing() -> Steps:
     chosen.width, chosen.noise, chosen.budget, chosen.compare_all = 16, 100, 1, False
     getattr(chosen, MODEL).directions = 8
     yield from open_next_panel("volillum.as_radiance")
+    yield from scroll(6)
     yield from press("volillum.compare(")
     yield lambda: running() is not None and running().control.fraction > 0
     yield 0.3
