@@ -117,14 +117,13 @@ def compared(name: str, lights: str, coarse: Images, fine: Images, truth: Images
         for x, var in ((a, var_a), (b, var_b), (limit, var_limit))
     )
     shown = c > DARK * c[0]
-    z = np.abs(limit - c)[shown] / np.sqrt(var_limit + var_c)[shown]
+    var_a, var_b, var_c = var_a[shown] / 9, var_b[shown] * 16 / 9, var_c[shown]
+    z = np.abs(limit - c)[shown] / np.sqrt(var_a + var_b + var_c)
     # Welch and Satterthwaite.
-    freedom = (var_limit + var_c) ** 2 / (
-        (16 / 9 * var_b) ** 2 / (len(fine) - 1)
-        + (var_a / 9) ** 2 / (len(coarse) - 1)
-        + var_c**2 / (len(truth) - 1)
+    freedom = (var_a + var_b + var_c) ** 2 / (
+        var_a**2 / (len(coarse) - 1) + var_b**2 / (len(fine) - 1) + var_c**2 / (len(truth) - 1)
     )
-    least = float((2 * stats.t.sf(z, freedom[shown])).min())
+    least = float((2 * stats.t.sf(z, freedom)).min())
     return Row(name, lights, at, float(z.max()), len(z), min(1.0, len(z) * least))
 
 
