@@ -112,7 +112,7 @@ def test_an_area_light_has_a_size(ellipse: bool) -> None:
 
 
 def test_a_lamp_inside_is_the_same_from_every_side() -> None:
-    """Eight spots of a quarter of the sphere... in sum: two half-space spots are one point."""
+    """Two spots that fill half of space each are one point."""
     place = MEDIUM.sigma_t.centre + 0.013
     point = PointLight(place, 1.0)
     halves = tuple(
