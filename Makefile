@@ -16,7 +16,7 @@ help:
 	@echo "make demo       compare every model on a real volume; see build/demo/report.html"
 	@echo "make bench      time the kernels"
 	@echo "make accuracy   measure every model's numerical error on real volumes: docs/accuracy.md"
-	@echo "make witness    test photon mapping against Cycles on real volumes by z-test (20 minutes)"
+	@echo "make witness    test photon mapping against Cycles on real volumes by z-test: docs/witness.md"
 	@echo "make recommendations  measure what the analysis recommends: docs/recommendations.md"
 	@echo "make gallery    render the standard scenes: docs/gallery.md"
 	@echo "make mutations  plant known faults and check that the tests notice"
@@ -64,7 +64,7 @@ accuracy: setup
 	@$(PYTHON_RUN) tests/benchmarks/accuracy.py -o docs/accuracy.md $(ARGS)
 
 witness: setup
-	@$(PYTHON_RUN) tests/benchmarks/witness.py $(ARGS)
+	@$(PYTHON_RUN) tests/benchmarks/witness.py -o docs/witness.md $(ARGS)
 
 recommendations: setup
 	@$(PYTHON_RUN) tests/benchmarks/recommendations.py -o docs/recommendations.md $(ARGS)

@@ -11,7 +11,7 @@ are correlated, too.
 Photon mapping tells means over voxels, which the display interpolates: by second order, of the
 same field on half the spacing a quarter of it is left (core/coarse.py). So the test is of the limit
 (4 I(h / 2) - I(h)) / 3, and the page has all three. Exit status 1 where the limit disagrees. Needs
-VOLILLUM_DATA and some 20 minutes.
+VOLILLUM_DATA and some 5 minutes.
 """
 
 from __future__ import annotations
