@@ -144,7 +144,8 @@ HEAD = """# Photon mapping and Cycles
 
 Full scattering by two renderers that share nothing: photon mapping, through the core's line
 integral, over Cycles less 1, in percent, +- its standard error from {seeds} independent seeds of
-each; images of {pixels} x {pixels} pixels. `make witness` writes this page and fails where the two
+each; images of {pixels} x {pixels} pixels, volumes of at most {voxels:,} voxels at the
+spacing h. `make witness` writes this page and fails where the two
 disagree.
 
 Photons are counted in voxels and what they bring is interpolated between voxels: both are means
@@ -179,7 +180,7 @@ def main() -> None:
         found.append(row)
         print(line(row), flush=True)
     if options.output:
-        head = HEAD.format(seeds=options.seeds, pixels=PIXELS, blocks=BLOCKS)
+        head = HEAD.format(seeds=options.seeds, pixels=PIXELS, voxels=VOXELS, blocks=BLOCKS)
         options.output.write_text(head + "\n".join(map(line, found)) + "\n", encoding="utf-8")
     if min(row.probability for row in found) < LEVEL / len(found):
         sys.exit("photon mapping and Cycles disagree")
