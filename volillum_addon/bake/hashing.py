@@ -20,7 +20,7 @@ from ..core.scene import Scene
 from ..models.model import Model, Values
 
 # Raised when a kernel or model gives other values for the same input.
-KERNEL_REVISION = 6
+KERNEL_REVISION = 7
 # Directions that agree to this many decimals are one: a moved orthographic camera has the same
 # view direction but for its rounding.
 DIRECTION_DECIMALS = 9

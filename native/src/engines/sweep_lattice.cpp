@@ -10,7 +10,7 @@ namespace {
 // rays small; high tiles have little overlap, low ones leave room in the second-level cache for the
 // results of a batch of directions. Larger batches touch the output less often. Slices that are
 // contiguous in memory come by whole cache lines.
-constexpr int kSlabSlices = 8, kTransposedSlab = kLanes, kTileColumns = 256;
+constexpr int kSlabSlices = 8, kTransposedSlab = 2 * kLanes, kTileColumns = 256;
 constexpr int kFewDirections = 3, kHighTile = 64, kLowTile = 16;
 constexpr int kBatchBytes = 2 * 1024 * 1024, kLargestBatch = 16;
 
