@@ -11,8 +11,9 @@ import pytest
 from blender_scenes import write_grids
 from plumes import plume
 
+from volillum_addon.bake.frame_files import files
 from volillum_addon.bake.vdb import read_metadata, read_vdb
-from volillum_addon.blender import frames, showing, staleness, work
+from volillum_addon.blender import showing, staleness, work
 from volillum_addon.blender.render import render_image, set_cycles
 from volillum_addon.models.registry import MODELS
 
@@ -38,7 +39,7 @@ def bake(scene: bpy.types.Scene) -> list[Path]:
     """The sequence's files, in order."""
     assert bpy.ops.volillum.bake_frames() == {"FINISHED"}
     assert scene.frame_current == 3
-    return list(frames.files(Path(scene.volillum.baked.path)).values())
+    return list(files(Path(scene.volillum.baked.path)).values())
 
 
 def turn_sun(scene: bpy.types.Scene) -> None:

@@ -198,7 +198,8 @@ def test_the_job_runs_without_blender(empty: bpy.types.Scene, tmp_path: Path) ->
     kind = import_operators.VOLILLUM_OT_import_volume
     operator = SimpleNamespace(
         filepath=str(ct(tmp_path)), files=[], directory="", level=0, transfer="AUTO", size="FIT",
-        channel=0, raw_dims=(0, 0, 0), properties=SimpleNamespace(is_property_set=lambda _: False),
+        channel=0, raw_dims=(0, 0, 0), sequence=True,
+        properties=SimpleNamespace(is_property_set=lambda _: False),
     )  # fmt: skip
     operator._path = lambda: kind._path(operator)
     operator._layout = lambda path: kind._layout(operator, path)

@@ -228,8 +228,8 @@ def known(counts: list[int], low: float = 0.0, high: float = 4.0) -> About:
 def test_the_histograms_bars_count_voxels() -> None:
     # Four intervals of 1, seen through edges that cut them: counts go by overlap.
     edges = np.array([-1.0, 0.5, 1.0, 3.0, 9.0])
-    np.testing.assert_allclose(histogram.bars(known([10, 20, 30, 40]), edges), [5, 5, 50, 40])
-    flat = histogram.bars(known([7, 0], 2.0, 2.0), np.array([0.0, 1.0, 3.0]))
+    np.testing.assert_allclose(known([10, 20, 30, 40]).voxels_between(edges), [5, 5, 50, 40])
+    flat = known([7, 0], 2.0, 2.0).voxels_between(np.array([0.0, 1.0, 3.0]))
     np.testing.assert_allclose(flat, [0, 7])
 
 

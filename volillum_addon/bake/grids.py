@@ -29,6 +29,10 @@ PROBE = 2.0**20
 HALF_LARGEST, HALF_SMALLEST = 65504.0, 2.0**-14
 
 
+class EmptyGridError(InputError):
+    """A grid without active voxels."""
+
+
 def grid_names(path: Path | str) -> tuple[str, ...]:
     """Names of all grids in the file, in its order. Raises InputError if it is not a VDB file."""
     where = Path(path)
@@ -50,7 +54,7 @@ def read_grid(path: Path | str, name: str | None = None) -> Grid:
     label = f"grid {chosen!r} of {where}"
     check_readable(grid, label)
     if grid.activeVoxelCount() == 0:
-        raise bad(label, "empty", "at least one active voxel")
+        raise EmptyGridError(f"{label} is empty; expected at least one active voxel")
     low, high = grid.evalActiveVoxelBoundingBox()
     shape = tuple(b - a + 1 for a, b in zip(low, high, strict=True))
     if np.prod(shape, dtype=np.float64) > MOST_VOXELS:

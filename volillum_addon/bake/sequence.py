@@ -67,21 +67,21 @@ def bake_frames(
         raise bad("the range of frames", "empty", "one frame or more")
     control = control or Control()
     hashes = []
-    for frame in _each(frames, control, 0, SURVEY_SHARE, "reading"):
+    for frame in each_frame(frames, control, 0, SURVEY_SHARE, "reading"):
         hashes.append(job.plan(scene_at(frame), frame).hash)
     # With the numbers: the same frames elsewhere in time are another sequence.
     sequence = combined(f"{frame} {own}" for frame, own in zip(frames, hashes, strict=True))
     solved = _solved(job)
-    for frame, own in zip(_each(frames, control, SURVEY_SHARE, 1, ""), hashes, strict=True):
+    for frame, own in zip(each_frame(frames, control, SURVEY_SHARE, 1, ""), hashes, strict=True):
         baked = _bake(job, frame, own, sequence, solved, control, scene_at)
         solved[baked.hash] = baked.path
         yield Frame(frame, baked)
 
 
-def _each(
+def each_frame(
     frames: Sequence[int], control: Control, begin: float, end: float, work: str
 ) -> Iterator[int]:
-    """The frames, each with its share of the control's progress."""
+    """The frames, each with its share of the control's progress. Raises Cancelled."""
     share = (end - begin) / len(frames)
     for index, frame in enumerate(frames):
         control.check()

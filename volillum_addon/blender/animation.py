@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import bpy
 
+from ..bake.grids import EmptyGridError
 from ..bake.sequence import Frame, Job, bake_frames
 from ..core.control import Control
 from ..core.errors import InputError
-from ..core.scene import Scene
 from . import work
 from .frames import kept_frame
+from .scene_reader import Reading
 
 
 def bake(
@@ -25,10 +26,12 @@ def bake(
 ) -> Iterator[Frame]:
     """Bake the frames in order. Moves the scene through them, so main thread only; the frame that
     was current is current again at the end. Raises InputError and Cancelled."""
+    # In a file that has just been opened, a volume follows no frame before its first evaluation.
+    scene.view_layers[0].update()
     with kept_frame(scene):
-        name = work.read(scene).stem
+        name = _read(scene, frames[0]).stem if frames else ""
         job = Job(model, directory, name, values)
-        yield from bake_frames(job, frames, _scene_at(scene), control)
+        yield from bake_frames(job, frames, lambda frame: _read(scene, frame).scene, control)
 
 
 def described(frame: Frame) -> dict[str, object]:
@@ -46,12 +49,12 @@ def described(frame: Frame) -> dict[str, object]:
     }
 
 
-def _scene_at(scene: bpy.types.Scene) -> Callable[[int], Scene]:
-    def read(frame: int) -> Scene:
-        scene.frame_set(frame)
-        try:
-            return work.read(scene).scene
-        except InputError as error:
-            raise InputError(f"frame {frame}: {error}") from error
-
-    return read
+def _read(scene: bpy.types.Scene, frame: int) -> Reading:
+    """The scene at the frame. Raises InputError, which names it."""
+    scene.frame_set(frame)
+    try:
+        return work.read(scene)
+    except EmptyGridError as error:
+        raise InputError(f"frame {frame}: {error}, or a range without this frame") from error
+    except InputError as error:
+        raise InputError(f"frame {frame}: {error}") from error

@@ -9,6 +9,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from ..bake.frame_files import files
 from ..bake.vdb import read_vdb
 from ..core.errors import InputError
 from ..core.grid import Grid
@@ -17,7 +18,7 @@ from ..models.illuminate import relight
 from ..models.volume import Factor, IlluminationVolume, RadianceTerm
 from .constants import Constants, constants, key_frames, same_nodes
 from .display import display_material, grid_limit
-from .frames import files, kept_frame
+from .frames import kept_frame
 from .light_reader import read_lights
 from .sandbox import load_volume
 

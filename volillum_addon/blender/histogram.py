@@ -33,7 +33,7 @@ def picture(
     the colour it has, and the line of its opacity."""
     edges = np.linspace(low, high, WIDTH + 1)
     middles = (edges[1:] + edges[:-1]) / 2
-    counts = bars(about, edges)
+    counts = about.voxels_between(edges)
     heights = np.log1p(counts) if logarithmic else counts
     heights = heights / (heights.max() or 1.0) * HEIGHT
     density = np.interp(middles, transfer.values, transfer.density)  # type: ignore[arg-type]
@@ -54,16 +54,6 @@ def picture(
     )
     image[line] = (*LINE, 1.0)
     return image
-
-
-def bars(about: About, edges: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Voxels between neighbouring edges, as if each interval of the histogram were evenly full."""
-    if about.high <= about.low:
-        inside = (edges[:-1] <= about.low) & (about.low <= edges[1:])
-        return np.where(inside, float(sum(about.histogram)), 0.0)
-    places = np.linspace(about.low, about.high, len(about.histogram) + 1)
-    until = np.concatenate([[0.0], np.cumsum(about.histogram)])
-    return np.diff(np.interp(edges, places, until))
 
 
 def icon(

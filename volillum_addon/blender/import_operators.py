@@ -65,6 +65,12 @@ class VOLILLUM_OT_import_volume(modal.WorkOperator, bpy.types.Operator):
         description="How values become matter; it can be changed afterwards",
         items=[(importing.AUTO, "By the kind of data", ""), *_enum(transfer_presets.names())],
     )
+    sequence: bpy.props.BoolProperty(
+        name="Sequence",
+        description="VDB files whose names differ by a number at the end are frames of one volume, "
+        "all under one transfer function; off: this file alone",
+        default=True,
+    )
     raw_dims: bpy.props.IntVectorProperty(
         name="Voxels", description="Along x, y and z; x runs fastest in the file", min=0, size=3
     )
@@ -84,20 +90,22 @@ class VOLILLUM_OT_import_volume(modal.WorkOperator, bpy.types.Operator):
         """What is to be read and where it goes; the reading itself knows nothing of Blender."""
         path, held = self._path(), Held(context.scene)
         form = format_of(path)
-        size = self.size
+        size, alone = self.size, not self.sequence
         if form.id == "vdb" and not self.level and self.transfer == importing.AUTO:
-            return Work(lambda _control: path, lambda found: _added(held, found))
+            return Work(lambda _control: path, lambda found: _added(held, found, alone))
         several = self.properties.is_property_set("channel")
         options = Options(channel=self.channel if several else None, raw=self._layout(path))
         directory = output_directory(context.scene.volillum.directory)
+        source = importing.Source(path) if alone else importing.file_source(path)
         level, preset = self.level, self.transfer
 
         def finish(imported: importing.Imported) -> str:
             importing.place(held.get(), imported, size)
-            return "; ".join([describe(imported.about), *imported.about.notes])
+            frames = [f"{len(imported.frames)} frames"] if imported.frames else []
+            return "; ".join([*frames, describe(imported.about), *imported.about.notes])
 
         return Work(
-            lambda control: importing.read(path, directory, level, options, preset, control),
+            lambda control: importing.read(source, directory, level, options, preset, control),
             finish,
         )
 
@@ -138,7 +146,7 @@ class VOLILLUM_OT_import_volume(modal.WorkOperator, bpy.types.Operator):
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        for name in ("level", "channel", "size", "transfer"):
+        for name in ("level", "channel", "size", "transfer", "sequence"):
             layout.prop(self, name)
         path = self._path()
         if path.suffix.lower() != ".raw" or (path.is_file() and guessed(path) is not None):
@@ -190,8 +198,8 @@ class VOLILLUM_FH_volume(bpy.types.FileHandler):
         return context.area is not None and context.area.type == "VIEW_3D"
 
 
-def _added(held: Held, path: Path) -> str:
-    item = importing.add_vdb(held.get(), path)
+def _added(held: Held, path: Path, alone: bool) -> str:
+    item = importing.add_vdb(held.get(), path, alone)
     frames = f", {item.data.frame_duration} frames" if item.data.is_sequence else ""
     return f"{item.name}{frames}"
 

@@ -4,25 +4,28 @@ from __future__ import annotations
 
 import hashlib
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import bpy
 import numpy as np
 from mathutils import Matrix
+from numpy.typing import NDArray
 
 from ..core.control import Control
 from ..core.errors import InputError
-from ..core.grid import Grid
 from ..core.transfer_function import TransferFunction
-from ..readers.formats import read_volume, stem_of
+from ..readers.formats import format_of, read_volume, stem_of
 from ..readers.imported import About, write_imported
 from ..readers.medium_file import write_medium
+from ..readers.sequence import apply_frames, read_frames
 from ..readers.source import Options
 from ..readers.transfer_presets import default_name, load
 from . import transfer
 from .medium_builder import medium_material
-from .places import relative
+from .places import block_file, relative
+from .scene_reader import volume_path
 
 # The longest side of a volume that is fitted, in Blender's units: that of the default cube.
 FITTED = 2.0
@@ -36,37 +39,89 @@ AUTO = "AUTO"
 
 
 @dataclass(frozen=True, eq=False)
-class Imported:
-    """What was written: the values and the coefficients that the function makes of them."""
+class Source:
+    """What to import: one file of any format, or all VDB files of a sequence by frame."""
 
+    path: Path
+    frames: Mapping[int, Path] = field(default_factory=dict)
+
+    @property
+    def stem(self) -> str:
+        """What the volume is called by."""
+        if not self.frames:
+            return stem_of(self.path)
+        return (_sequence_stem(self.path) or "").rstrip("._-") or "frames"
+
+
+@dataclass(frozen=True, eq=False)
+class Imported:
+    """What was written: the values and the coefficients that the function makes of them, of a
+    sequence the first files; and the corners [n, 3] of the box, of a sequence of all boxes."""
+
+    name: str
     values: Path
     medium: Path
     about: About
-    grid: Grid
+    corners: NDArray[np.float64]
     transfer: TransferFunction
+    frames: tuple[int, ...] = ()
+
+
+def file_source(path: Path) -> Source:
+    """The file, or the sequence that a VDB file belongs to."""
+    frames = sequence_frames(path) if format_of(path).id == "vdb" else []
+    if len(frames) < 2:
+        return Source(path)
+    return Source(path, {frame: _frame_path(path, frame) for frame in frames})
+
+
+def source_of(volume: bpy.types.Object) -> Source:
+    """The files that a volume object shows. Raises InputError."""
+    path = block_file(volume.data)
+    return file_source(path) if volume.data.is_sequence else Source(volume_path(volume))
 
 
 def read(
-    path: Path, directory: Path, level: int, options: Options, preset: str, control: Control
+    source: Source, directory: Path, level: int, options: Options, preset: str, control: Control
 ) -> Imported:
     """Read, write the values and what the preset makes of them. Any thread.
 
     Raises InputError, StorageError, Cancelled.
     """
+    if source.frames:
+        return _read_frames(source, directory, level, options, preset, control)
+    path, stem = source.path, source.stem
     with control.stage(0.0, 0.5, f"reading {path.name}"):
         grid, about = read_volume(path, level, options, control)
     digest = hashlib.sha256(repr((grid.shape, about)).encode())
     digest.update(grid.index_to_world.tobytes())
     digest.update(grid.values.tobytes())
-    stem = stem_of(path)
     values = directory / f"{stem}.values.{digest.hexdigest()[:12]}.vdb"
-    chosen = load(default_name(about) if preset == AUTO else preset, about)
+    chosen = _chosen(preset, about)
     with control.stage(0.5, 0.7, f"writing {values.name}"):
         if not values.is_file():
             write_imported(grid, about, values, control)
     with control.stage(0.7, 1.0, "applying the transfer function"):
         medium = write_medium((grid, about), chosen, directory, stem, control)
-    return Imported(values, medium, about, grid, chosen)
+    return Imported(stem, values, medium, about, grid.corners(), chosen)
+
+
+def _read_frames(
+    source: Source, directory: Path, level: int, options: Options, preset: str, control: Control
+) -> Imported:
+    with control.stage(0.0, 0.5, "reading"):
+        values = read_frames(source.frames, directory, source.stem, level, options, control)
+    chosen = _chosen(preset, values.about)
+    with control.stage(0.5, 1.0, "applying the transfer function"):
+        medium = apply_frames(values.files, chosen, directory, control)
+    return Imported(
+        source.stem, values.files[0], medium, values.about, values.corners, chosen,
+        tuple(sorted(source.frames)),
+    )  # fmt: skip
+
+
+def _chosen(preset: str, about: About) -> TransferFunction:
+    return load(default_name(about) if preset == AUTO else preset, about)
 
 
 def place(scene: bpy.types.Scene, imported: Imported, size: str) -> bpy.types.Object:
@@ -74,19 +129,28 @@ def place(scene: bpy.types.Scene, imported: Imported, size: str) -> bpy.types.Ob
 
     Raises InputError for a true size of a file that does not tell its unit.
     """
-    matrix = placement(imported.grid, imported.about, size)
-    name = stem_of(Path(imported.about.source))
-    material = medium_material(name)
-    transfer.write(material, imported.transfer)
-    material.volillum.source = relative(imported.values)
-    material.volillum.applied = transfer.signature(material)
-    item = add_volume(scene, name, imported.medium)
-    item.data.materials.append(material)
+    matrix = placement(imported.corners, imported.about, size)
+    item = add_volume(scene, imported.name, imported.medium)
+    if imported.frames:
+        _play(item.data, imported.frames)
+    give(item.data, imported)
     item.matrix_world = matrix
     return item
 
 
-def placement(grid: Grid, about: About, size: str) -> Matrix:
+def give(data: bpy.types.Volume, imported: Imported) -> None:
+    """Make a volume show what was imported, by a new material with the transfer function. When a
+    sequence plays which of its frames stays."""
+    material = medium_material(imported.name)
+    transfer.write(material, imported.transfer)
+    material.volillum.source = relative(imported.values)
+    material.volillum.frames = len(imported.frames)
+    material.volillum.applied = transfer.signature(material)
+    data.filepath = relative(imported.medium)
+    data.materials.append(material)
+
+
+def placement(corners: NDArray[np.float64], about: About, size: str) -> Matrix:
     """The object's matrix_world for one of SIZES. Raises InputError."""
     if size == "FILE":
         return Matrix.Identity(4)
@@ -97,9 +161,9 @@ def placement(grid: Grid, about: About, size: str) -> Matrix:
             raise InputError(f"the unit of length is {found}; expected one of {known} for a true "
                              f"size (or choose Fit), in {about.source}")  # fmt: skip
         return Matrix.Scale(METRES[about.length_unit], 4)
-    corners = grid.corners()
-    scale = FITTED / float(np.ptp(corners, axis=0).max())
-    return Matrix.Scale(scale, 4) @ Matrix.Translation(-grid.centre)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    scale = FITTED / float((high - low).max())
+    return Matrix.Scale(scale, 4) @ Matrix.Translation(-(low + high) / 2)
 
 
 def add_volume(scene: bpy.types.Scene, name: str, path: Path) -> bpy.types.Object:
@@ -116,16 +180,22 @@ def add_volume(scene: bpy.types.Scene, name: str, path: Path) -> bpy.types.Objec
     return item
 
 
-def add_vdb(scene: bpy.types.Scene, path: Path) -> bpy.types.Object:
-    """A volume object of a VDB file as it is, or of the sequence that it belongs to."""
+def add_vdb(scene: bpy.types.Scene, path: Path, alone: bool = False) -> bpy.types.Object:
+    """A volume object of a VDB file as it is; unless it is to be `alone`, of the sequence that it
+    belongs to."""
     item = add_volume(scene, _sequence_stem(path) or path.stem, path)
-    frames = sequence_frames(path)
+    frames = [] if alone else sequence_frames(path)
     if len(frames) > 1:
-        item.data.is_sequence = True
-        item.data.frame_start, item.data.frame_duration = frames[0], len(frames)
-        item.data.frame_offset = frames[0] - 1
+        _play(item.data, frames)
         item.data.filepath = relative(_frame_path(path, frames[0]))
     return item
+
+
+def _play(data: bpy.types.Volume, frames: Sequence[int]) -> None:
+    """Make the data play files of these numbers, each at its own frame."""
+    data.is_sequence = True
+    data.frame_start, data.frame_duration = frames[0], len(frames)
+    data.frame_offset = frames[0] - 1
 
 
 def sequence_frames(path: Path) -> list[int]:

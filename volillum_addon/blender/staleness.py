@@ -10,17 +10,19 @@ import json
 from collections.abc import Mapping
 from functools import lru_cache
 from hashlib import blake2b
+from pathlib import Path
 from typing import Any
 
 import bpy
 
+from ..bake.frame_files import files, frame_file, frame_of
 from ..bake.hashing import PARTS
 from ..bake.radiance_file import shows
 from ..bake.vdb import read_metadata
 from ..core.errors import InputError
 from ..models.model import Model, Value
 from ..models.registry import get
-from .frames import files, frame_file, frame_of, kept_frame
+from .frames import kept_frame
 from .outline import closures, outline
 from .places import baked_file, block_file
 from .properties import chosen_model, model_values
@@ -39,8 +41,11 @@ def source(settings: Any, volume: bpy.types.Object) -> dict[str, str]:
     except OSError:
         file = [path.name]
     place = [list(row) for row in volume.matrix_world]
+    # Loading what is loaded costs nothing.
+    frame = data.grids.frame_filepath if data.is_sequence and data.grids.load() else ""
     return {
         STILL: _digest([*file, settings.density_grid]),
+        "the frame of the volume's sequence": Path(frame).name,
         "the volume's place": _digest([*place, data.render.space]),
         "the volume's material": _digest(_coefficients(settings, volume)),
     }
@@ -69,7 +74,7 @@ def changes(scene: bpy.types.Scene, volume: bpy.types.Object | None) -> tuple[st
     now, before = source(settings, volume), json.loads(baked.source or "{}")
     parts = (STILL,) if baked.frames else now
     return (
-        *(f"{part} has changed" for part in parts if before.get(part) != now[part]),
+        *(f"{part} has changed" for part in parts if before.get(part, "") != now[part]),
         *_parameters(metadata["parameters"], model_values(settings, model.id)),
         *_parts(scene, volume, model, metadata["inputs"]),
     )

@@ -10,9 +10,11 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..bake.frame_files import frame_file, frame_of
 from ..core.errors import InputError
 from ..core.transfer_function import TransferFunction
 from ..readers.imported import About, read_about
+from ..readers.sequence import about_all
 from ..readers.transfer_presets import fitted, span
 from .medium_reader import volume_material
 
@@ -23,7 +25,7 @@ MOST_STOPS = 32
 # Stops of a ramp may share a place; a function's values are this share of the range apart.
 APART = 1e-6
 
-_abouts: dict[tuple[str, int], About] = {}
+_abouts: dict[tuple[str, int, int], About] = {}
 
 
 def _get_text(settings: Any) -> str:
@@ -45,6 +47,13 @@ class Transfer(bpy.types.PropertyGroup):
         description="The imported file whose values the ramp maps",
         subtype="FILE_PATH",
         options={"PATH_SUPPORTS_BLEND_RELATIVE"},
+    )
+    frames: bpy.props.IntProperty(
+        name="Frames",
+        description="How many files of a sequence, of which the imported file is the first; 0: one "
+        "volume that stands still",
+        min=0,
+        options=set(),
     )
     low: bpy.props.FloatProperty(
         name="From", description="The value at the ramp's left end, in the data's own unit"
@@ -116,12 +125,28 @@ def source_of(material: bpy.types.Material) -> Path:
     return path
 
 
+def frames_of(material: bpy.types.Material) -> tuple[Path, ...]:
+    """The files of a sequence's values, in order; none of a volume that stands still. Raises
+    InputError when one is missing."""
+    count = material.volillum.frames
+    if not count:
+        return ()
+    first = source_of(material)
+    begin = frame_of(first)
+    files = tuple(frame_file(first, frame) for frame in range(begin, begin + count))
+    for file in files:
+        if not file.is_file():
+            raise InputError(f"the values of {material.name!r} are not all there: {file}; expected "
+                             "every imported frame (import the sequence again)")  # fmt: skip
+    return files
+
+
 def about(material: bpy.types.Material) -> About:
-    """What is known of the values. Raises InputError."""
-    path = source_of(material)
-    key = str(path), path.stat().st_mtime_ns
+    """What is known of the values, of a sequence over all its frames. Raises InputError."""
+    path, count = source_of(material), material.volillum.frames
+    key = str(path), path.stat().st_mtime_ns, count
     if key not in _abouts:
-        _abouts[key] = read_about(path)
+        _abouts[key] = about_all(frames_of(material)) if count else read_about(path)
     return _abouts[key]
 
 

@@ -9,11 +9,15 @@ from typing import Any, override
 import bpy
 from bl_operators.presets import AddPresetBase
 
+from ..core.control import Control
 from ..core.errors import InputError
 from ..readers.medium_file import apply
+from ..readers.sequence import apply_frames
+from ..readers.source import Options
 from ..readers.transfer_presets import load_file
-from . import modal, transfer, work
+from . import importing, modal, transfer, work
 from .jobs import Work
+from .medium_reader import volume_material
 from .places import output_directory, relative
 
 # In Blender's own presets folder, and in the extension's.
@@ -25,7 +29,7 @@ def _material(context: bpy.types.Context) -> bpy.types.Material:
     if material is None:
         raise InputError(
             "the scene's volume has no transfer function; expected one that was imported (File > "
-            "Import > Volume for illumination)"
+            "Import > Volume for illumination) or that was given one (Add a transfer function)"
         )
     return material
 
@@ -42,6 +46,7 @@ class VOLILLUM_OT_apply_transfer(modal.WorkOperator, bpy.types.Operator):
         """Read the ramp; the volume itself is read by the job."""
         material = _material(context)
         name, values = material.name, transfer.source_of(material)
+        frames = transfer.frames_of(material)
         function, signature = transfer.read(material), transfer.signature(material)
         volume = work.chosen_volume(context.scene)
         assert volume is not None
@@ -55,7 +60,50 @@ class VOLILLUM_OT_apply_transfer(modal.WorkOperator, bpy.types.Operator):
             bpy.data.materials[name].volillum.applied = signature
             return f"{data}: {path.name}"
 
-        return Work(lambda control: apply(values, function, directory, control), finish)
+        def compute(control: Control) -> Path:
+            if frames:
+                return apply_frames(frames, function, directory, control)
+            return apply(values, function, directory, control)
+
+        return Work(compute, finish)
+
+
+class VOLILLUM_OT_add_transfer(modal.WorkOperator, bpy.types.Operator):
+    """Give the volume, or every frame of its sequence, a transfer function: a copy of its values is
+    kept, and a medium made of them."""
+
+    bl_idname = "volillum.add_transfer"
+    bl_label = "Add a transfer function"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+
+    @override
+    def prepare(self, context: bpy.types.Context) -> Work[Any]:
+        """Which files there are; they are read by the job."""
+        scene = context.scene
+        settings, volume = scene.volillum, work.chosen_volume(scene)
+        if volume is None:
+            raise InputError("no volume is chosen; expected one to give a transfer function")
+        if volume_material(volume) is not None:
+            raise InputError(f"{volume.name!r} has a material; expected none (remove it first)")
+        if volume.data.library is not None:
+            raise InputError(f"{volume.name!r} is linked from a library; expected one of this file "
+                             "(Make Local)")  # fmt: skip
+        source, data = importing.source_of(volume), volume.data.name
+        options = Options(grid=settings.density_grid or None)
+        directory = output_directory(settings.directory)
+
+        def finish(imported: importing.Imported) -> str:
+            if data not in bpy.data.volumes:
+                raise InputError(f"volume {data!r} is gone; expected it where the result belongs")
+            importing.give(bpy.data.volumes[data], imported)
+            return "; ".join([f"{data}: {imported.medium.name}", *imported.about.notes])
+
+        return Work(
+            lambda control: importing.read(
+                source, directory, 0, options, importing.AUTO, control
+            ),
+            finish,
+        )  # fmt: skip
 
 
 class VOLILLUM_OT_load_transfer(modal.InstantOperator, bpy.types.Operator):
@@ -131,6 +179,7 @@ class VOLILLUM_OT_save_transfer(AddPresetBase, bpy.types.Operator):
 
 CLASSES = (
     VOLILLUM_OT_apply_transfer,
+    VOLILLUM_OT_add_transfer,
     VOLILLUM_OT_load_transfer,
     VOLILLUM_MT_transfer_presets,
     VOLILLUM_OT_save_transfer,

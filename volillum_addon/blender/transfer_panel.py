@@ -45,7 +45,8 @@ class VOLILLUM_PT_transfer(Sidebar, bpy.types.Panel):
             layout.template_icon(icon_value=picture, scale=ROWS)
             unit = f" {known.unit}" if known.unit else ""
             kind = f"{known.kind.upper()}, " if known.kind else ""
-            lines(layout, f"{kind}{known.low:g} to {known.high:g}{unit}", room)
+            whole = f" in all {settings.frames} frames together" if settings.frames else ""
+            lines(layout, f"{kind}{known.low:g} to {known.high:g}{unit}{whole}", room)
         except InputError as error:
             lines(layout, str(error), room, "ERROR")
         layout.prop(settings, "logarithmic")

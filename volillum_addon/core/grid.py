@@ -104,9 +104,7 @@ class Grid:
 
     def corners(self) -> NDArray[np.float64]:
         """World positions [8, 3] of the corners of the support (index -1 to n)."""
-        ends = [(-1.0, float(n)) for n in self.shape]
-        index = np.array(np.meshgrid(*ends, indexing="ij")).reshape(3, 8).T
-        return self.to_world(index)
+        return box_corners(self.shape, self.index_to_world)
 
     @property
     def centre(self) -> NDArray[np.float64]:
@@ -155,3 +153,12 @@ def active_box(
         low.append(int(used[0]) - margin)
         high.append(int(used[-1]) + 1 + margin)
     return (low[0], low[1], low[2]), (high[0], high[1], high[2])
+
+
+def box_corners(
+    shape: tuple[int, int, int], index_to_world: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """`Grid.corners` of a lattice without its values."""
+    ends = [(-1.0, float(n)) for n in shape]
+    index = np.array(np.meshgrid(*ends, indexing="ij")).reshape(3, 8).T
+    return np.asarray(index @ index_to_world[:3, :3].T + index_to_world[:3, 3])

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..bake import layout
 from ..bake.grids import MOST_VOXELS, check_readable, to_vdb, transform_of, values_of
@@ -22,7 +23,7 @@ from ..bake.openvdb_module import openvdb
 from ..bake.store import complain, replacing
 from ..core.control import Control
 from ..core.errors import InputError, bad
-from ..core.grid import Grid
+from ..core.grid import Grid, box_corners
 from .source import library
 
 ENTRY = "volillum_volume"
@@ -63,6 +64,16 @@ class About:
             return self.low
         return self.low + (self.high - self.low) * most / len(self.histogram)
 
+    def voxels_between(self, edges: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Voxels between neighbouring values, as if each interval of the histogram were evenly
+        full."""
+        if self.high <= self.low:
+            inside = (edges[:-1] <= self.low) & (self.low <= edges[1:])
+            return np.where(inside, float(sum(self.histogram)), 0.0)
+        places = np.linspace(self.low, self.high, len(self.histogram) + 1)
+        until = np.concatenate([[0.0], np.cumsum(self.histogram)])
+        return np.diff(np.interp(edges, places, until))
+
     def quantile(self, share: float) -> float:
         """The value below which this share of the voxels above `low`'s own interval lies."""
         counts = np.array(self.histogram[1:], np.float64)
@@ -95,6 +106,12 @@ def is_imported(path: Path) -> bool:
 def read_about(path: Path) -> About:
     """What an imported file says of itself. Raises InputError for any other file."""
     return _about(_entry(path), path)
+
+
+def read_corners(path: Path) -> NDArray[np.float64]:
+    """`Grid.corners` of an imported file, without its voxels. Raises InputError."""
+    entry = _entry(path)
+    return box_corners(_about(entry, path).shape, np.array(entry["index_to_world"], np.float64))
 
 
 def read_imported(path: Path) -> tuple[Grid, About]:

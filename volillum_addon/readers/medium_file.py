@@ -68,13 +68,18 @@ def write_medium(
     with watch.stage(0.0, 0.5, "applying the transfer function"):
         medium = medium_of(grid, about, transfer)
     if not medium.sigma_t.values.any():
-        raise InputError(
-            f"the transfer function makes all of {about.source} clear; expected some density "
-            f"between {about.low:g} and {about.high:g}"
-        )
+        raise clear(about)
     with watch.stage(0.5, 1.0, f"writing {target.name}"):
         store(medium, target, transfer.as_json(), watch)
     return target
+
+
+def clear(about: About) -> InputError:
+    """The complaint about a function that leaves nothing of a volume."""
+    return InputError(
+        f"the transfer function makes all of {about.source} clear; expected some density between "
+        f"{about.low:g} and {about.high:g}"
+    )
 
 
 def store(
