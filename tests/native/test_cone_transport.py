@@ -230,6 +230,24 @@ def test_with_exact_transmittance_it_follows_hard_surfaces() -> None:
     assert half.max() <= 1 + ROUNDING
 
 
+@pytest.mark.parametrize("world", list(AFFINES.values()), ids=list(AFFINES))
+@pytest.mark.parametrize("axis", list(AXES.values()), ids=list(AXES))
+def test_every_voxel_is_written_also_over_the_transmittance(world: Array, axis: Array) -> None:
+    """Voxels are written slab by slab of the lattice: none twice from its own result, none not."""
+    sigma_t = smooth((23, 38, 31))[None]
+    vectors, weights = cone_rule(THETA, 8)
+    arguments = (sigma_t, sigma_t * np.float32(0.5), world, axis, about(vectors, axis), weights)
+    seen = np.exp(-sigma_t)
+    wanted = volillum_native.cone_transport(*arguments, transmittance=seen, threads=1)
+    for threads in (1, 2, 3):
+        out = np.full_like(seen, np.nan)
+        volillum_native.cone_transport(*arguments, transmittance=seen, threads=threads, out=out)
+        assert np.array_equal(out, wanted)
+        out[:] = seen
+        volillum_native.cone_transport(*arguments, transmittance=out, threads=threads, out=out)
+        assert np.array_equal(out, wanted)
+
+
 def test_a_narrow_cone_leaves_the_absorption() -> None:
     """Theta -> 0: L_i = exp(-integral of sigma_a), whatever the scattering."""
     rng = np.random.default_rng(5)
@@ -402,6 +420,8 @@ def test_bad_input_is_refused_in_plain_words() -> None:
         ({"weights": np.ones((1, 3, 3, 3), np.float32), "node_spacing": 0}, "node_spacing is 0"),
         ({"lamp": np.zeros(2)}, "lamp has shape"),
         ({"index_to_world": np.zeros((4, 4))}, "invertible affine"),
+        ({"out": sigma}, "out shares memory with sigma_t"),
+        ({"out": sigma.copy()[:, 1:]}, "out has shape"),
     ]:
         with pytest.raises(ValueError, match=message):
             volillum_native.cone_transport(**{**good, **change})

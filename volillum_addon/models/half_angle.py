@@ -131,7 +131,9 @@ def marched(
     node_spacing: int = 1,
 ) -> NDArray[np.float32]:
     """The solution of the march along `axis`, [channels, i, j, k], where `seen` of the light is
-    not scattered; InputError where the light's lattice would have no end."""
+    not scattered; InputError where the light's lattice would have no end. `seen` is given up."""
+    seen = np.ascontiguousarray(seen)
+    channels = max(medium.sigma_t.channels, medium.sigma_s.channels)
     try:
         planes: NDArray[np.float32] = native.cone_transport(
             medium.sigma_t.planes(),
@@ -140,11 +142,12 @@ def marched(
             axis,
             directions,
             np.ascontiguousarray(weights),
-            transmittance=np.ascontiguousarray(seen),
+            transmittance=seen,
             node_spacing=node_spacing,
             lamp=lamp,
             spacing=float(values["spacing"]),
             control=control.native,
+            out=seen if len(seen) == channels else None,
         )
     except ValueError as error:
         raise InputError(f"Half angle slicing cannot march here: {error}") from error

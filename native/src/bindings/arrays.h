@@ -5,8 +5,12 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 
+#include <functional>
 #include <initializer_list>
 #include <string>
+#include <utility>
+
+#include "volillum/real.h"
 
 namespace volillum {
 
@@ -48,6 +52,34 @@ const Scalar *require(const AnyArray &array, const char *name, const char *axes,
         stride *= std::int64_t(array.shape(axis));
     }
     return static_cast<const Scalar *>(array.data());
+}
+
+// The caller's array `out` or, for None, a new one that owns its memory, made by numpy so that a
+// large one gets the pages that numpy asks for.
+inline std::pair<nb::object, Real *> output(const nb::object &out,
+                                            std::initializer_list<std::int64_t> shape) {
+    nb::object array = out;
+    if (out.is_none()) {
+        nb::list sizes;
+        for (const std::int64_t size : shape) sizes.append(size);
+        array = nb::module_::import_("numpy").attr("empty")(
+            nb::tuple(sizes), sizeof(Real) == 4 ? "float32" : "float64");
+    }
+    nb::ndarray<nb::device::cpu> view;
+    if (!nb::try_cast(array, view))
+        throw nb::type_error("out is not a writable array; expected float32 as is returned");
+    const Real *data =
+        require<Real>(nb::cast<AnyArray>(array), "out", "the shape that is returned", shape);
+    return {array, const_cast<Real *>(data)};
+}
+
+// Throws nb::value_error where `size` numbers from `out` on are also some of `other`.
+inline void refuse_shared(const Real *out, std::size_t size, const AnyArray &other,
+                          const char *name) {
+    const Real *begin = static_cast<const Real *>(other.data());
+    if (std::less<>()(out, begin + other.size()) && std::less<>()(begin, out + size))
+        throw nb::value_error(
+            ("out shares memory with " + std::string(name) + "; expected another array").c_str());
 }
 
 }  // namespace volillum

@@ -25,7 +25,7 @@ Result cone_transport(const AnyArray &sigma_t, const AnyArray &sigma_s,
                       const AnyArray &directions, const AnyArray &weights,
                       const std::optional<AnyArray> &transmittance, int node_spacing,
                       const std::optional<AnyArray> &lamp, double spacing, int threads,
-                      Control *control) {
+                      Control *control, const nb::object &out_or_none) {
     volillum::ConeTransportScene scene{};
     const char *axes = "[1 or 3, nx, ny, nz]";
     scene.sigma_t = require<Real>(sigma_t, "sigma_t", axes, {-1, -1, -1, -1});
@@ -90,17 +90,18 @@ Result cone_transport(const AnyArray &sigma_t, const AnyArray &sigma_s,
                           {std::int64_t(sigma_t.shape(0)), std::int64_t(sigma_t.shape(1)),
                            std::int64_t(sigma_t.shape(2)), std::int64_t(sigma_t.shape(3))});
 
-    // Made by numpy, so that a large one gets the pages that numpy asks for.
-    nb::object array = nb::module_::import_("numpy").attr("empty")(
-        nb::make_tuple(channels, sigma_t.shape(1), sigma_t.shape(2), sigma_t.shape(3)),
-        sizeof(Real) == 4 ? "float32" : "float64");
-    Result result = nb::cast<Result>(array);
-    Real *data = result.data();
+    const auto [out, data] = volillum::output(
+        out_or_none, {std::int64_t(channels), scene.shape[0], scene.shape[1], scene.shape[2]});
+    volillum::refuse_shared(data, channels * voxels, sigma_t, "sigma_t");
+    volillum::refuse_shared(data, channels * voxels, sigma_s, "sigma_s");
+    // A voxel's transmittance is read before it is written.
+    if (transmittance && (data != scene.transmittance || channels != sigma_t.shape(0)))
+        volillum::refuse_shared(data, channels * voxels, *transmittance, "transmittance");
     {
         const nb::gil_scoped_release release;
         volillum::cone_transport(scene, {spacing, threads, control}, data);
     }
-    return result;
+    return nb::cast<Result>(out);
 }
 
 constexpr const char *cone_transport_doc =
@@ -127,6 +128,8 @@ transmittance: None, or float32 of sigma_t's shape: sum_d weights[d] T(x, infini
 spacing: of the light's lattice, in voxels; time and memory grow with its inverse cube.
 threads: 0: all cores. The result is the same, bit for bit, for any number.
 control: cancels (raises Cancelled) and tells the progress.
+out: an array to write to instead of a new one; may be `transmittance` itself where that has as many
+channels, which is then lost.
 Returns float32 [1 or 3, nx, ny, nz].
 Raises ValueError for wrong shapes, a singular affine, or a rule that does not fit; TypeError for
 wrong types.)";
@@ -137,5 +140,5 @@ void bind_cone_transport(nb::module_ &module) {
     module.def("cone_transport", &cone_transport, "sigma_t"_a, "sigma_s"_a, "index_to_world"_a,
                "axis"_a, "directions"_a, "weights"_a, nb::kw_only(), "transmittance"_a = nb::none(),
                "node_spacing"_a = 1, "lamp"_a = nb::none(), "spacing"_a = 1.0, "threads"_a = 0,
-               "control"_a = nb::none(), cone_transport_doc);
+               "control"_a = nb::none(), "out"_a = nb::none(), cone_transport_doc);
 }

@@ -62,25 +62,12 @@ Quantity read_quantity(const std::string &name) {
         ("quantity is '" + name + "'; expected 'transmittance' or 'optical_depth'").c_str());
 }
 
-// The caller's array, or a new one that owns its memory, made by numpy so that a large one gets the
-// pages that numpy asks for.
 std::pair<RealArray, Real *> output(const nb::object &out, const AnyArray &sigma_t,
                                     std::initializer_list<std::int64_t> shape) {
-    nb::object array = out;
-    if (out.is_none()) {
-        nb::list sizes;
-        for (const std::int64_t size : shape) sizes.append(size);
-        array = nb::module_::import_("numpy").attr("empty")(
-            nb::tuple(sizes), sizeof(Real) == 4 ? "float32" : "float64");
-    }
-    nb::ndarray<nb::device::cpu> view;
-    if (!nb::try_cast(array, view))
-        throw nb::type_error("out is not a writable array; expected float32 as is returned");
-    Real *data = const_cast<Real *>(
-        require<Real>(nb::cast<AnyArray>(array), "out", "the shape that is returned", shape));
-    const Real *medium = static_cast<const Real *>(sigma_t.data());
-    if (std::less<>()(data, medium + sigma_t.size()) && std::less<>()(medium, data + view.size()))
-        throw nb::value_error("out shares memory with sigma_t; expected another array");
+    const auto [array, data] = volillum::output(out, shape);
+    std::size_t size = 1;
+    for (const std::int64_t side : shape) size *= std::size_t(side);
+    volillum::refuse_shared(data, size, sigma_t, "sigma_t");
     return {nb::borrow<RealArray>(array), data};
 }
 

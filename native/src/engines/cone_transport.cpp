@@ -15,25 +15,17 @@ namespace volillum {
 namespace cone_detail {
 namespace {
 
-// Slices of a slab: a thread takes the rows of a band through all of them while they are in the
-// cache.
-constexpr int kSlabSlices = 8;
 // Bytes of a band's rays, all directions: half of a second-level cache.
 constexpr std::size_t kBandBytes = 400'000;
 constexpr int kFewestBandRows = 4, kMostBandRows = 64;
 // Extinction times a step of more than this is as good as opaque, and its powers stay finite.
 constexpr double kOpaque = 1e8;
 
-int row_reach(const std::vector<Ray> &rays) {
-    double steepest = 0;
-    for (const Ray &ray : rays) steepest = std::max(steepest, std::abs(ray.row_slope));
-    return int(std::ceil(steepest));
-}
-
-int column_reach(const std::vector<Ray> &rays) {
-    double steepest = 0;
-    for (const Ray &ray : rays) steepest = std::max(steepest, std::abs(ray.column_slope));
-    return int(std::ceil(steepest));
+// The most rows, or columns, that rays move from slice to slice.
+double steepest(const std::vector<Ray> &rays, double Ray::*slope) {
+    double most = 0;
+    for (const Ray &ray : rays) most = std::max(most, std::abs(ray.*slope));
+    return most;
 }
 
 // Rows of points and rays are taken band by band, each band through all slices of a slab, a few
@@ -49,12 +41,13 @@ public:
           rays_(plan_rays(scene, lattice_)),
           lamp_(scene, settings.spacing, lattice_),
           threads_(thread_count(settings.threads)),
-          skew_(row_reach(rays_) + 1),
+          skew_(int(std::ceil(steepest(rays_, &Ray::row_slope))) + 1),
           albedos_(scene.extinctions == 1 ? scene.scatterings : 1) {
         Real longest = 0;
         for (const Ray &ray : rays_) longest = std::max(longest, ray.length);
         largest_ = Real(kOpaque / double(longest));
-        const RowLayout layout(lattice_.columns, column_reach(rays_) + 3);
+        const int reach = int(std::ceil(steepest(rays_, &Ray::column_slope)));
+        const RowLayout layout(lattice_.columns, reach + 3);
         slabs_ = (lattice_.slices + kSlabSlices - 1) / kSlabSlices;
         threads_ = std::min(threads_, slabs_);
         const std::size_t row_bytes =
@@ -62,17 +55,23 @@ public:
         band_rows_ = std::clamp(int(kBandBytes / row_bytes), kFewestBandRows, kMostBandRows);
         bands_ = (lattice_.rows + 1 + skew_ * (kSlabSlices - 1) + band_rows_ - 1) / band_rows_;
         slices_.resize(std::size_t(threads_ + 1) * kSlabSlices);
-        for (Slice &slice : slices_) {
-            slice.planes.resize(lattice_.rows, skew_, layout, albedos_);
+        // The next slab reads a whole slice of the one before; within a slab, the next slice reads
+        // a band and a few rows beside it.
+        const int few = band_rows_ + 2 * skew_ + 1;
+        for (std::size_t i = 0; i < slices_.size(); ++i) {
+            Slice &slice = slices_[i];
+            const bool ends_slab = i % kSlabSlices == kSlabSlices - 1;
+            slice.planes.resize(lattice_.rows, ends_slab ? lattice_.rows : few, layout, albedos_);
             slice.sums.resize(layout, albedos_);
             slice.moves.resize(rays_.size());
             if (scene.local_weights) slice.weights.resize(layout, rays_.size());
         }
         // A row of memory is taken by new rays only when no slab in flight has the old ones.
-        const int spare = skew_ * kSlabSlices * (threads_ + 1);
-        states_.resize(rays_.size());
-        for (RayState &state : states_) state.resize(lattice_.rows + 2 + spare, layout, albedos_);
-        solution_.resize(lattice_.points(), albedos_, scene.transmittance != nullptr);
+        const int in_flight = kSlabSlices * (threads_ + 1);
+        const int spare = int(std::ceil(steepest(rays_, &Ray::row_slope) * in_flight)) + 1;
+        states_.resize(rays_.size(), lattice_.rows + 2 + spare, layout, albedos_);
+        solutions_.resize(threads_, lattice_.most_points(), albedos_,
+                          scene.transmittance != nullptr);
     }
 
     void run(Real *out) {
@@ -118,24 +117,22 @@ private:
     }
 
     void solve_channel(const Real *transmittance, double begin, double end, Real *out) {
-        const double middle = begin + 0.95 * (end - begin);
         slice_at(-1).planes.clear();  // nothing lies before the first slice
+        const VoxelWriter writer(scene_.shape, lattice_, solutions_, albedos_, transmittance);
         Progress progress(slabs_);
         parallel_for(
             std::size_t(slabs_), threads_, settings_.control,
             [&](std::size_t slab, int) {
                 try {
                     march(int(slab), progress);
+                    writer.write(int(slab), out);
+                    progress.finish(int(slab), bands_ + 1);
                 } catch (...) {
                     progress.fail();
                     throw;
                 }
             },
-            begin, middle);
-        const VoxelRows rows(scene_.shape, lattice_, solution_, transmittance);
-        parallel_for(
-            std::size_t(scene_.shape[0]), threads_, settings_.control,
-            [&](std::size_t plane, int) { rows.write(int(plane), albedos_, out); }, middle, end);
+            begin, end);
     }
 
     void march(int slab, Progress &progress) {
@@ -143,6 +140,8 @@ private:
         for (int slice = first; slice < last; ++slice)
             for (std::size_t d = 0; d < rays_.size(); ++d)
                 slice_at(slice).moves[d] = {rays_[d].crossing(slice - 1), rays_[d].crossing(slice)};
+        // Its solutions give way to this slab's.
+        progress.wait(slab - threads_, bands_ + 1, settings_.control);
         // Bands of the slab before that the first slice reads beyond its own.
         const int ahead = (skew_ * kSlabSlices + band_rows_ - 1) / band_rows_;
         for (int band = 0; band < bands_; ++band) {
@@ -182,7 +181,7 @@ private:
         const Move &move = here.moves[d];
         const int row_shift = move.here.row - move.before.row;
         const int shift = move.here.column - move.before.column;
-        const RayRow state = states_[d].at(row - move.here.row);
+        const RayRow state = states_.at(d, row - move.here.row);
         renew(state, lattice_.rays(slice - 1, row - row_shift), rays.begin - shift,
               rays.end - shift);
         StepRow step{state,
@@ -240,17 +239,25 @@ private:
     void solve(int slice, int row, Slice &here) {
         const Span span = lattice_.span(slice, row);
         const RayRow sums = here.sums.at(row);
-        const std::size_t at = lattice_.offset(slice, row);
         for (int i = 0; i < albedos_; ++i) {
             Real *in_scattered = here.planes.in_scattered(row, i);
             clear_beside(in_scattered, span);
-            if (span.empty()) continue;
-            solve_row(sums.known[i], sums.missing[i], span.begin, span.end, in_scattered);
-            std::copy(in_scattered + span.begin, in_scattered + span.end,
-                      solution_.in_scattered[i].data() + at);
+            if (!span.empty())
+                solve_row(sums.known[i], sums.missing[i], span.begin, span.end, in_scattered);
         }
-        if (!span.empty() && scene_.transmittance)
-            std::copy(sums.seen + span.begin, sums.seen + span.end, solution_.seen.data() + at);
+        if (!span.empty()) keep(slice, row, span, here);
+    }
+
+    // For the voxels.
+    void keep(int slice, int row, const Span &span, Slice &here) {
+        const int offset = lattice_.offset(slice, row);
+        const auto copy = [&](const Real *values, Real *solution) {
+            std::copy(values + span.begin, values + span.end,
+                      solution + solutions_.begin(slice) + offset);
+        };
+        for (int i = 0; i < albedos_; ++i)
+            copy(here.planes.in_scattered(row, i), solutions_.in_scattered(i));
+        if (scene_.transmittance) copy(here.sums.at(row).seen, solutions_.seen());
     }
 
     void clear_beside(Real *row, const Span &span) const {
@@ -269,8 +276,8 @@ private:
     const Real *sigma_t_ = nullptr;  // of the extinction that is solved
     AlbedoFields sigma_s_{};
     std::vector<Slice> slices_;  // of the slabs in flight and the one before
-    std::vector<RayState> states_;
-    Solution solution_;
+    RayStates states_;
+    Solutions solutions_;
 };
 
 }  // namespace

@@ -162,9 +162,10 @@ Lattice::Lattice(const ConeTransportScene &scene, double spacing, double steepes
     columns = counts[2];
 
     spans_.resize(std::size_t(slices) * std::size_t(rows));
-    offsets_.resize(spans_.size() + 1);
-    std::size_t total = 0, at = 0;
-    for (int p = 0; p < slices; ++p)
+    offsets_.resize(spans_.size());
+    std::size_t at = 0;
+    for (int p = 0; p < slices; ++p) {
+        std::size_t total = 0;
         for (int q = 0; q < rows; ++q, ++at) {
             double low = 0, high = columns - 1;
             for (int i = 0; i < 3; ++i) {
@@ -182,16 +183,11 @@ Lattice::Lattice(const ConeTransportScene &scene, double spacing, double steepes
                 high = std::min(high, std::max(one, two));
             }
             if (low <= high) spans_[at] = {int(std::ceil(low)), int(std::floor(high)) + 1};
-            offsets_[at] = total;
+            offsets_[at] = int(total);
             if (!spans_[at].empty()) total += std::size_t(spans_[at].end - spans_[at].begin);
         }
-    offsets_[at] = total;
-    // Points are counted in int where voxels look them up.
-    constexpr std::size_t most = std::numeric_limits<int>::max() - 64;
-    if (total > most || spans_.size() > most)
-        throw std::invalid_argument("the lattice of the light has " + std::to_string(total) +
-                                    " points; expected at most " + std::to_string(most) +
-                                    ": a larger spacing");
+        most_points_ = std::max(most_points_, total);
+    }
 }
 
 Vec3d Lattice::index_of(double slice, double row, double column) const {

@@ -33,11 +33,11 @@ public:
         if (slice < 0 || slice >= slices || row < 0 || row >= rows) return {};
         return spans_[std::size_t(slice) * std::size_t(rows) + std::size_t(row)];
     }
-    // Points before those of a row in the compact order of all held points; `points()` in all.
-    std::size_t offset(int slice, int row) const {
+    // Held points of the slice before those of a row; `most_points()` of any slice in all.
+    int offset(int slice, int row) const {
         return offsets_[std::size_t(slice) * std::size_t(rows) + std::size_t(row)];
     }
-    std::size_t points() const { return offsets_.back(); }
+    std::size_t most_points() const { return most_points_; }
     // Where a row of rays is needed: beside a held point. Rays lie beyond the point of their
     // number.
     Span rays(int slice, int row) const {
@@ -61,7 +61,8 @@ private:
     Matrix3 to_lattice_;
     Vec3d centre_;  // lattice position of the grid's middle
     std::vector<Span> spans_;
-    std::vector<std::size_t> offsets_;
+    std::vector<int> offsets_;
+    std::size_t most_points_ = 0;
 };
 
 // How the rays of a direction cross the slices: at row + row_fraction, column + column_fraction of

@@ -24,23 +24,23 @@ struct RowLayout {
     }
 };
 
-// The rays of one direction. A row of memory follows its rays from slice to slice: it is the row
+// The rays of all directions. A row of memory follows its rays from slice to slice: it is the row
 // of the slice less what the rays have moved since the first, modulo the number of rows. Within it
 // they lie at their columns of the slice.
-class RayState {
+class RayStates {
 public:
-    void resize(int rows, const RowLayout &layout, int albedos) {
+    void resize(std::size_t directions, int rows, const RowLayout &layout, int albedos) {
         rows_ = rows;
         layout_ = layout;
         plane_ = std::size_t(rows) * std::size_t(layout.pitch);
-        values_.resize(std::size_t(1 + 2 * albedos) * plane_);
         albedos_ = albedos;
+        values_.resize(directions * quantities() * plane_);
     }
     // At column 0; `row` counts from the rays' first.
-    RayRow at(int row) {
+    RayRow at(std::size_t direction, int row) {
         const int held = (row % rows_ + rows_) % rows_;
-        Real *first =
-            values_.data() + std::size_t(held) * std::size_t(layout_.pitch) + layout_.margin;
+        Real *first = values_.data() + direction * quantities() * plane_ +
+                      std::size_t(held) * std::size_t(layout_.pitch) + layout_.margin;
         RayRow result{first, {}, {}};
         for (int i = 0; i < albedos_; ++i) {
             result.known[i] = first + std::size_t(1 + 2 * i) * plane_;
@@ -50,55 +50,55 @@ public:
     }
 
 private:
+    std::size_t quantities() const { return std::size_t(1 + 2 * albedos_); }
     int rows_ = 0, albedos_ = 0;
     RowLayout layout_;
     std::size_t plane_ = 0;
     HugeReals values_;
 };
 
-// Zero-padded rows of some quantities, of which each row is one after the other.
+// Rows of some quantities, with margins of zeros, of which each row is one after the other.
 class Rowed {
 public:
-    void resize(int first_row, int rows, int quantities, const RowLayout &layout) {
-        first_row_ = first_row;
+    void resize(int rows, int quantities, const RowLayout &layout) {
         quantities_ = quantities;
         layout_ = layout;
         values_.assign(std::size_t(rows) * std::size_t(quantities) * std::size_t(layout.pitch), 0);
     }
     // At column 0.
     Real *at(int row, int quantity) {
-        const std::ptrdiff_t line = std::ptrdiff_t(row - first_row_) * quantities_ + quantity;
+        const std::ptrdiff_t line = std::ptrdiff_t(row) * quantities_ + quantity;
         return values_.data() + line * layout_.pitch + layout_.margin;
     }
 
     void clear(int row, int rows) {
         const std::ptrdiff_t line = std::ptrdiff_t(quantities_) * layout_.pitch;
-        std::fill_n(values_.data() + (row - first_row_) * line, rows * line, Real(0));
+        std::fill_n(values_.data() + row * line, rows * line, Real(0));
     }
 
 private:
-    int first_row_ = 0, quantities_ = 0;
+    int quantities_ = 0;
     RowLayout layout_;
     Reals values_;
 };
 
-// The medium and L_i on one slice.
+// The medium and L_i on one slice: the last `held` of its rows, and zeros beside the lattice.
 class SlicePlanes {
 public:
-    void resize(int rows, int reach, const RowLayout &layout, int albedos) {
+    void resize(int rows, int held, const RowLayout &layout, int albedos) {
         albedos_ = albedos;
-        first_ = -reach - 2;
-        rows_ = rows + 2 * reach + 4;
-        planes_.resize(first_, rows_, 1 + 2 * albedos, layout);
+        rows_ = rows;
+        held_ = std::min(held, rows);
+        planes_.resize(held_ + 1, 1 + 2 * albedos, layout);
     }
-    void clear() { planes_.clear(first_, rows_); }
-    Real *sigma_t(int row) { return planes_.at(row, 0); }
-    Real *sigma_a(int row, int i) { return planes_.at(row, 1 + i); }
-    Real *in_scattered(int row, int i) { return planes_.at(row, 1 + albedos_ + i); }
+    void clear() { planes_.clear(0, held_); }
+    Real *sigma_t(int row) { return at(row, 0); }
+    Real *sigma_a(int row, int i) { return at(row, 1 + i); }
+    Real *in_scattered(int row, int i) { return at(row, 1 + albedos_ + i); }
     // This row and the next, at `column`.
     SliceRows rows(int row, int column) {
         const auto both = [&](int quantity) {
-            return Rows{planes_.at(row, quantity) + column, planes_.at(row + 1, quantity) + column};
+            return Rows{at(row, quantity) + column, at(row + 1, quantity) + column};
         };
         SliceRows result{both(0), {}, {}};
         for (int i = 0; i < albedos_; ++i) {
@@ -109,7 +109,10 @@ public:
     }
 
 private:
-    int albedos_ = 1, first_ = 0, rows_ = 0;
+    Real *at(int row, int quantity) {
+        return planes_.at(row < 0 || row >= rows_ ? held_ : row % held_, quantity);
+    }
+    int albedos_ = 1, rows_ = 0, held_ = 0;
     Rowed planes_;
 };
 
@@ -118,7 +121,7 @@ class SumRows {
 public:
     void resize(const RowLayout &layout, int albedos) {
         albedos_ = albedos;
-        sums_.resize(0, 2, 1 + 2 * albedos, layout);
+        sums_.resize(2, 1 + 2 * albedos, layout);
     }
     void clear() { sums_.clear(0, 2); }
     void clear(int row) { sums_.clear(row & 1, 1); }
@@ -141,7 +144,7 @@ private:
 class WeightRows {
 public:
     void resize(const RowLayout &layout, std::size_t directions) {
-        weights_.resize(0, 2, int(directions), layout);
+        weights_.resize(2, int(directions), layout);
     }
     Real *at(int row, std::size_t direction) { return weights_.at(row & 1, int(direction)); }
 

@@ -1,6 +1,9 @@
 #include "cone_transport_voxels.h"
 
 #include <algorithm>
+#include <limits>
+#include <stdexcept>
+#include <string>
 
 #include "volillum/exp_negative.h"
 #include "volillum/no_alias.h"
@@ -13,22 +16,25 @@ namespace {
 constexpr Real kLeast = Real(1e-5);
 constexpr int kChunk = 4 * kLanes;
 
+// The lower neighbour. Positions that should be whole are off by rounding, to either side.
+VOLILLUM_INLINE int whole(double position) {
+    return int(position + 1e-9);
+}
+
 // The lattice points about some voxels, with trilinear weights.
 struct Neighbours {
     int at[4][kChunk];
     Real weight[4][kChunk], along[kChunk];
 };
 
-// Of `count` voxels in a row; what is found beyond is that of the last.
-VOLILLUM_DISPATCH void find(const Vec3d &first, const Vec3d &step, int count, const int *starts,
-                            int rows, Neighbours &near) {
+// `positions` in the lattice, their slices counted from the first of `starts`; `starts` are those
+// of rows, at column 0.
+VOLILLUM_DISPATCH void find(const double (*positions)[kChunk], const int *starts, int rows,
+                            Neighbours &near) {
     VOLILLUM_NO_ALIAS
     for (int voxel = 0; voxel < kChunk; ++voxel) {
-        const int k = voxel < count ? voxel : count - 1;
-        const double s = first[0] + k * step[0], r = first[1] + k * step[1],
-                     c = first[2] + k * step[2];
-        // Positions that should be whole are off by rounding, to either side.
-        const int slice = int(s + 1e-9), row = int(r + 1e-9), column = int(c + 1e-9);
+        const double s = positions[0][voxel], r = positions[1][voxel], c = positions[2][voxel];
+        const int slice = whole(s), row = whole(r), column = whole(c);
         const auto fraction = [](double position, int low) {
             const double above = position - low;
             return Real(above > 0.0 ? above : 0.0);
@@ -122,37 +128,101 @@ void follow(const Real *exact, const Real *seen, Real *solved) {
 
 }  // namespace
 
-VoxelRows::VoxelRows(const Index3 &shape, const Lattice &lattice, const Solution &solution,
-                     const Real *transmittance)
-    : shape_(shape), transmittance_(transmittance), lattice_(lattice), solution_(solution) {
-    starts_.reserve(std::size_t(lattice.slices) * std::size_t(lattice.rows));
-    for (int slice = 0; slice < lattice.slices; ++slice)
-        for (int row = 0; row < lattice.rows; ++row)
-            starts_.push_back(int(lattice.offset(slice, row)) - lattice.span(slice, row).begin);
+void Solutions::resize(int slabs, std::size_t most_points, int albedos, bool with_seen) {
+    slabs_ = slabs;
+    albedos_ = albedos;
+    // Points are counted in int where voxels look them up.
+    const std::size_t slices = std::size_t(slabs * kSlabSlices + 1),
+                      most = std::numeric_limits<int>::max() / slices - kLanes;
+    if (most_points > most)
+        throw std::invalid_argument("a slice of the light's lattice has " +
+                                    std::to_string(most_points) + " points; expected at most " +
+                                    std::to_string(most) + ": a larger spacing, or fewer threads");
+    // Lookups read a point beyond the last, whose weight is 0.
+    pitch_ = round_up(int(most_points) + 1);
+    size_ = slices * std::size_t(pitch_);
+    const std::size_t count = std::size_t(albedos + (with_seen ? 1 : 0)) * size_;
+    values_.resize(count);
+    std::fill_n(values_.data(), count, Real(0));
 }
 
-void VoxelRows::write(int plane, int albedos, Real *out) const {
-    const std::ptrdiff_t voxels = std::ptrdiff_t(shape_[0]) * shape_[1] * shape_[2];
+// Voxels whose values are looked up together.
+struct VoxelWriter::Batch {
+    int count = 0;
+    std::vector<int> starts;
+    std::ptrdiff_t voxels[kChunk];
+    double positions[3][kChunk];
+};
+
+VoxelWriter::VoxelWriter(const Index3 &shape, const Lattice &lattice, Solutions &solutions,
+                         int albedos, const Real *transmittance)
+    : shape_(shape),
+      lattice_(lattice),
+      solutions_(solutions),
+      albedos_(albedos),
+      transmittance_(transmittance) {}
+
+void VoxelWriter::write(int slab, Real *out) const {
+    const int first = slab * kSlabSlices - 1;  // held from the slab before
+    const int last = std::min(first + kSlabSlices, lattice_.slices - 1);
+    Batch batch{0, {}, {}, {}};
+    batch.starts.reserve(std::size_t(last - first + 1) * std::size_t(lattice_.rows));
+    for (int slice = first; slice <= last; ++slice)
+        for (int row = 0; row < lattice_.rows; ++row)
+            batch.starts.push_back(slice < 0
+                                       ? 0
+                                       : solutions_.begin(slice) + lattice_.offset(slice, row) -
+                                             lattice_.span(slice, row).begin);
     const Vec3d step = lattice_.position_per_voxel();
-    Neighbours near;
-    alignas(64) Real solved[kChunk], seen[kChunk], exact[kChunk] = {};
-    for (int j = 0; j < shape_[1]; ++j) {
-        const std::ptrdiff_t row = (std::ptrdiff_t(plane) * shape_[1] + j) * shape_[2];
-        for (int k = 0; k < shape_[2]; k += kChunk) {
-            const int count = std::min(kChunk, shape_[2] - k);
-            find(lattice_.position_of({double(plane), double(j), double(k)}), step, count,
-                 starts_.data(), lattice_.rows, near);
-            if (transmittance_) {
-                mean(solution_.seen.data(), near, seen);
-                std::copy_n(transmittance_ + row + k, count, exact);
+    // Along a row of voxels slices rise, fall or stay.
+    const bool stays = std::abs(step[0]) * shape_[2] < 1e-6;
+    const double per_slice = stays ? 0.0 : 1.0 / step[0];
+    for (int i = 0; i < shape_[0]; ++i)
+        for (int j = 0; j < shape_[1]; ++j) {
+            const Vec3d start = lattice_.position_of({double(i), double(j), 0.0});
+            int begin = 0, end = shape_[2];
+            if (!stays) {
+                // With one more on each side for the rounding.
+                const double one = (first - start[0]) * per_slice,
+                             two = (last - start[0]) * per_slice;
+                begin = int(std::clamp(std::min(one, two) - 1, 0.0, double(shape_[2])));
+                end = int(std::clamp(std::max(one, two) + 2, 0.0, double(shape_[2])));
+            } else if (start[0] < first - 1 || start[0] > last + 1) {
+                continue;
             }
-            for (int i = 0; i < albedos; ++i) {
-                mean(solution_.in_scattered[i].data(), near, solved);
-                if (transmittance_) follow(exact, seen, solved);
-                std::copy_n(solved, count, out + i * voxels + row + k);
+            const std::ptrdiff_t row = (std::ptrdiff_t(i) * shape_[1] + j) * shape_[2];
+            for (int k = begin; k < end; ++k) {
+                const double slice = start[0] + k * step[0];
+                const int below = whole(slice);
+                if (below < first || below >= last) continue;
+                batch.voxels[batch.count] = row + k;
+                batch.positions[0][batch.count] = slice - first;
+                batch.positions[1][batch.count] = start[1] + k * step[1];
+                batch.positions[2][batch.count] = start[2] + k * step[2];
+                if (++batch.count == kChunk) write(batch, out);
             }
         }
+    if (batch.count > 0) write(batch, out);
+}
+
+void VoxelWriter::write(Batch &batch, Real *out) const {
+    const std::ptrdiff_t voxels = std::ptrdiff_t(shape_[0]) * shape_[1] * shape_[2];
+    const int count = batch.count;
+    for (auto &positions : batch.positions)
+        std::fill(positions + count, positions + kChunk, positions[count - 1]);
+    Neighbours near;
+    alignas(64) Real solved[kChunk], seen[kChunk], exact[kChunk] = {};
+    find(batch.positions, batch.starts.data(), lattice_.rows, near);
+    if (transmittance_) {
+        mean(solutions_.seen(), near, seen);
+        for (int v = 0; v < count; ++v) exact[v] = transmittance_[batch.voxels[v]];
     }
+    for (int i = 0; i < albedos_; ++i) {
+        mean(solutions_.in_scattered(i), near, solved);
+        if (transmittance_) follow(exact, seen, solved);
+        for (int v = 0; v < count; ++v) out[i * voxels + batch.voxels[v]] = solved[v];
+    }
+    batch.count = 0;
 }
 
 }  // namespace volillum::cone_detail

@@ -10,36 +10,49 @@
 
 namespace volillum::cone_detail {
 
-// What the march leaves at all held points of the lattice.
-struct Solution {
-    std::array<HugeReals, kMostAlbedos> in_scattered;
-    HugeReals seen;  // empty where it is not needed
-    void resize(std::size_t points, int albedos, bool with_seen) {
-        // Lookups read a point beyond the last, whose weight is 0.
-        const auto allocate = [&](HugeReals &values) {
-            values.resize(points + kLanes);
-            std::fill_n(values.data() + points, kLanes, Real(0));
-        };
-        for (int i = 0; i < albedos; ++i) allocate(in_scattered[std::size_t(i)]);
-        if (with_seen) allocate(seen);
-    }
-};
+// Slices of a slab: a thread takes the rows of a band through all of them while they are in the
+// cache.
+constexpr int kSlabSlices = 8;
 
-// Writes L_i at the voxels, plane by plane of the first index.
-class VoxelRows {
+// What the march leaves at the held points of some slabs in flight, and of the last slice of one
+// slab more: the voxels of a slab lie between it and its own. Beyond the points of a slice lie
+// finite numbers.
+class Solutions {
 public:
-    // `transmittance` at the voxels or null, as in the scene, of one extinction.
-    VoxelRows(const Index3 &shape, const Lattice &lattice, const Solution &solution,
-              const Real *transmittance);
-    // out[i] for each albedo.
-    void write(int plane, int albedos, Real *out) const;
+    void resize(int slabs, std::size_t most_points, int albedos, bool with_seen);
+    // Of all slices; `begin` is where one begins.
+    Real *in_scattered(int i) { return values_.data() + std::size_t(i) * size_; }
+    Real *seen() { return in_scattered(albedos_); }
+    int begin(int slice) const {
+        const int slab = slice / kSlabSlices, within = slice % kSlabSlices;
+        if (within == kSlabSlices - 1) return pitch_ * (slab % (slabs_ + 1));
+        return pitch_ * (slabs_ + 1 + (slab % slabs_) * (kSlabSlices - 1) + within);
+    }
 
 private:
+    int slabs_ = 0, pitch_ = 0, albedos_ = 0;
+    std::size_t size_ = 0;
+    HugeReals values_;
+};
+
+// Writes L_i at the voxels that lie between the slices of a slab or before its first.
+class VoxelWriter {
+public:
+    // `transmittance` at the voxels or null, as in the scene, of one extinction.
+    VoxelWriter(const Index3 &shape, const Lattice &lattice, Solutions &solutions, int albedos,
+                const Real *transmittance);
+    // out[i] for each albedo. Every voxel belongs to one slab.
+    void write(int slab, Real *out) const;
+
+private:
+    struct Batch;
+    void write(Batch &batch, Real *out) const;
+
     Index3 shape_;
-    const Real *transmittance_;
     const Lattice &lattice_;
-    const Solution &solution_;
-    std::vector<int> starts_;  // of rows, at their column 0
+    Solutions &solutions_;
+    int albedos_;
+    const Real *transmittance_;
 };
 
 }  // namespace volillum::cone_detail

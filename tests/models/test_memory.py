@@ -1,4 +1,4 @@
-"""Peak memory of a photon bake, measured in a child process."""
+"""Peak memory of bakes, measured in child processes."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ from volillum_addon.core.medium import Medium
 from volillum_addon.core.scene import Scene
 from volillum_addon.models.illuminate import bake
 
+model, size, threads, parameters = {model!r}, {size}, {threads}, {parameters}
+
 def held(field):
     with open("/proc/self/status") as status:
         return next(int(line.split()[1]) for line in status if line.startswith(field)) * 1024
@@ -27,24 +29,34 @@ def scene(size):
     grid = Grid(values, np.diag([1 / size, 1 / size, 1 / size, 1.0]))
     return Scene(Medium.from_density(grid, 5.0, 0.9), (DistantLight((0.3, 0.2, 0.9), 1.0),))
 
-volillum_native.set_threads(2)
-bake(scene(8), "photon_mapping", photons=1000, passes=2)
-large = scene({size})
+volillum_native.set_threads(threads)
+bake(scene(8), model, **parameters)
+large = scene(size)
 before = held("VmRSS")
 with open("/proc/self/clear_refs", "w") as peak:
     peak.write("5")  # the peak begins anew
-volume = bake(large, "photon_mapping", photons=20_000, passes=2)
+volume = bake(large, model, **parameters)
 print(held("VmHWM") - before, sum(grid.values.nbytes for grid in volume.channels.values()))
 """
+PHOTONS = {"photons": 20_000, "passes": 2}
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the peak is read from /proc")
-def test_peak_is_at_most_the_outputs_and_four_times_the_input() -> None:
+@pytest.mark.parametrize(
+    ("model", "size", "threads", "parameters"),
+    [
+        pytest.param("half_angle", 128, 2, {}, id="half angle"),
+        pytest.param("half_angle", 192, 4, {}, id="half angle, 4 threads"),
+        pytest.param("photon_mapping", 128, 2, PHOTONS, id="photons"),
+    ],
+)
+def test_peak_is_at_most_the_outputs_and_four_times_the_input(
+    model: str, size: int, threads: int, parameters: dict[str, object]
+) -> None:
     """The input, sigma_t and sigma_s, itself counts as one of the four."""
-    size = 128
+    script = CHILD.format(model=model, size=size, threads=threads, parameters=parameters)
     child = subprocess.run(
-        [sys.executable, "-c", CHILD.replace("{size}", str(size))],
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
     rise, outputs = map(int, child.stdout.split())
     assert outputs <= rise <= outputs + 3 * (2 * 4 * size**3)
