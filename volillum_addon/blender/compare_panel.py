@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from ..models.registry import get
-from . import wrap
+from . import exhibit_state, wrap
 from .sidebar import Sidebar, column, lines, progress_or_button
 
 
@@ -27,11 +27,12 @@ class VOLILLUM_PT_compare(Sidebar, bpy.types.Panel):
         room = wrap.room(context) - wrap.BOX
         if settings.results:
             _results(layout.box(), settings, room)
-        _errors(layout, settings, room)
+        _errors(layout, context.scene, room)
 
 
-def _errors(layout: bpy.types.UILayout, settings: Any, room: float) -> None:
-    """The errors in the volume itself, and their figures."""
+def _errors(layout: bpy.types.UILayout, scene: bpy.types.Scene, room: float) -> None:
+    """The errors in the volume itself, their figures, and whether these still hold."""
+    settings = scene.volillum
     layout.prop(settings, "error_limit")
     for operator, icon in (("show_error", "COLORSET_04_VEC"), ("error_row", "GRID")):
         progress_or_button(layout, f"volillum.{operator}", icon, scale=1)
@@ -39,6 +40,7 @@ def _errors(layout: bpy.types.UILayout, settings: Any, room: float) -> None:
         box = layout.box()
         for line in settings.errors.split("\n"):
             lines(box, line, room)
+        exhibit_state.draw(box, scene, settings.errors_of, True, room)
 
 
 def _results(box: bpy.types.UILayout, settings: Any, room: float) -> None:

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import bpy
 
 from ..core.errors import InputError
 from ..models.illuminate import left_out
 from ..models.model import Model
 from ..models.registry import get
-from . import live_session, staleness, work, wrap
+from . import exhibit_state, live_session, staleness, work, wrap
 from .medium_reader import volume_material
 from .outline import outline
 from .properties import chosen_model, parameter_groups
-from .sidebar import Sidebar, column, lines, progress_or_button
+from .sidebar import Sidebar, column, lines, progress_or_button, stale
 
 
 class VOLILLUM_PT_volume(Sidebar, bpy.types.Panel):
@@ -91,7 +89,7 @@ class VOLILLUM_PT_bake(Sidebar, bpy.types.Panel):
         layout.operator("volillum.live", icon="FILE_REFRESH", depress=follows)
         if live is not None and follows:
             lines(layout, live.message, wrap.room(context), "TIME")
-        _ways(layout, settings)
+        _ways(layout, scene, wrap.room(context))
         if settings.other.path:
             label = f"A/B: {get(settings.other.model).label}"
             layout.operator("volillum.swap", text=label, icon="ARROW_LEFTRIGHT")
@@ -101,8 +99,9 @@ class VOLILLUM_PT_bake(Sidebar, bpy.types.Panel):
             _baked(layout.box(), scene, wrap.room(context) - wrap.BOX)
 
 
-def _ways(layout: bpy.types.UILayout, settings: Any) -> None:
-    """One switch: what stands in the volume's place."""
+def _ways(layout: bpy.types.UILayout, scene: bpy.types.Scene, room: float) -> None:
+    """One switch: what stands in the volume's place; and whether that still holds."""
+    settings = scene.volillum
     way = settings.stage.way
     row = layout.row(align=True)
     bake = row.row(align=True)
@@ -114,6 +113,9 @@ def _ways(layout: bpy.types.UILayout, settings: Any) -> None:
     ).baked = False
     if settings.exhibit is not None and way in ("ROW", "ERROR"):
         layout.operator("volillum.clear_row", icon="X")
+        errors = way == "ERROR"
+        note = settings.errors_of if errors else settings.row_of
+        exhibit_state.draw(layout, scene, note, errors, room)
 
 
 def _baked(box: bpy.types.UILayout, scene: bpy.types.Scene, room: float) -> None:
@@ -129,13 +131,10 @@ def _baked(box: bpy.types.UILayout, scene: bpy.types.Scene, room: float) -> None
             lines(box, note, room, "INFO")
     volume = work.chosen_volume(scene)
     changes = staleness.changes(scene, volume)
+    stale(box, "Stale: bake again", changes, room)
     if changes:
-        stale = box.column(align=True)
-        stale.alert = True
-        stale.label(text="Stale: bake again", icon="ERROR")
-        for change in changes:
-            lines(stale, change, room)
-    elif note := staleness.shown_differs(scene, volume):
+        return
+    if note := staleness.shown_differs(scene, volume):
         lines(box, note, room, "LIGHT_SUN")
 
 

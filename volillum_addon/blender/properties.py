@@ -172,6 +172,8 @@ class Settings(bpy.types.PropertyGroup):
         soft_max=200,
     )
     errors: _text("Errors", "The figures of the errors that were shown last")
+    errors_of: _text("Errors of", "What they depend on, as it was then")
+    row_of: _text("Row of", "What the last row of models depends on, as it was then")
     width: _still(
         bpy.props.IntProperty,
         "Width",

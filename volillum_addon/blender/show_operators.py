@@ -10,7 +10,16 @@ import bpy
 from ..bake.error_file import FieldError
 from ..core.control import Control
 from ..core.errors import InputError
-from . import error_display, field_errors, live_session, modal, showing, side_by_side, work
+from . import (
+    error_display,
+    exhibit_state,
+    field_errors,
+    live_session,
+    modal,
+    showing,
+    side_by_side,
+    work,
+)
 from .asked import Asked
 from .jobs import Work
 from .places import baked_file
@@ -104,15 +113,17 @@ class VOLILLUM_OT_side_by_side(modal.WorkOperator, bpy.types.Operator):
         scene = context.scene
         asked, reading = Asked.of(scene), work.read(scene)
         chosen = work.chosen_models(scene, work.all_models(scene.volillum))
+        note = exhibit_state.noted(scene, chosen, self.bl_label)
         return Work(
             lambda control: work.bake_all(reading, chosen, asked.directory, control),
-            lambda bakes: _arranged(asked, bakes),
+            lambda bakes: _arranged(asked, bakes, note),
         )
 
 
-def _arranged(asked: Asked, bakes: work.Bakes) -> str:
+def _arranged(asked: Asked, bakes: work.Bakes, note: str) -> str:
     live_session.stop()
     side_by_side.arrange(asked.scene, bakes.done)
+    asked.scene.volillum.row_of = exhibit_state.only(note, [each.model for each in bakes.done])
     return "; ".join([f"{len(bakes.done)} models side by side", *bakes.refused])
 
 
@@ -128,7 +139,7 @@ class VOLILLUM_OT_show_error(modal.WorkOperator, bpy.types.Operator):
     def prepare(self, context: bpy.types.Context) -> Work[Any]:
         """Read the scene; bake and reference know nothing of Blender."""
         asked = Asked.of(context.scene)
-        return _errors(context.scene, (asked.model,), asked)
+        return _errors(context.scene, (asked.model,), asked, self.bl_label)
 
 
 class VOLILLUM_OT_error_row(modal.WorkOperator, bpy.types.Operator):
@@ -142,11 +153,14 @@ class VOLILLUM_OT_error_row(modal.WorkOperator, bpy.types.Operator):
     def prepare(self, context: bpy.types.Context) -> Work[Any]:
         """Read the scene once for all models."""
         models = work.all_models(context.scene.volillum)
-        return _errors(context.scene, models, Asked.of(context.scene))
+        return _errors(context.scene, models, Asked.of(context.scene), self.bl_label)
 
 
-def _errors(scene: bpy.types.Scene, models: tuple[str, ...], asked: Asked) -> Work[Any]:
+def _errors(
+    scene: bpy.types.Scene, models: tuple[str, ...], asked: Asked, button: str
+) -> Work[Any]:
     reading, chosen = work.read(scene), work.chosen_models(scene, models)
+    note = exhibit_state.noted(scene, chosen, button)
     wanted = field_errors.Wanted.of(scene)
 
     def compute(control: Control) -> tuple[work.Bakes, list[FieldError]]:
@@ -157,6 +171,7 @@ def _errors(scene: bpy.types.Scene, models: tuple[str, ...], asked: Asked) -> Wo
         live_session.stop()
         side_by_side.arrange_errors(asked.scene, bakes.done, errors)
         asked.scene.volillum.errors = error_display.summary(errors)
+        asked.scene.volillum.errors_of = exhibit_state.only(note, [e.model for e in errors])
         return "; ".join([*asked.scene.volillum.errors.split("\n"), *bakes.refused])
 
     return Work(compute, finish)

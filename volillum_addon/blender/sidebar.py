@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import bpy
 
 from . import modal, wrap
@@ -46,6 +48,17 @@ def progress_or_button(
     row.scale_y = scale
     row.progress(factor=min(max(job.control.fraction, 0.0), 1.0), text=job.progress)
     row.operator("volillum.cancel", text="", icon="X")
+
+
+def stale(layout: bpy.types.UILayout, title: str, changes: Sequence[str], room: float) -> None:
+    """What to do because of the changes, and the changes; nothing where there are none."""
+    if not changes:
+        return
+    column = layout.column(align=True)
+    column.alert = True
+    lines(column, title, room, "ERROR")
+    for change in changes:
+        lines(column, change, room)
 
 
 def lines(layout: bpy.types.UILayout, text: str, room: float, icon: str = "NONE") -> None:

@@ -75,7 +75,7 @@ def changes(scene: bpy.types.Scene, volume: bpy.types.Object | None) -> tuple[st
     parts = (STILL,) if baked.frames else now
     return (
         *(f"{part} has changed" for part in parts if before.get(part, "") != now[part]),
-        *_parameters(metadata["parameters"], model_values(settings, model.id)),
+        *parameters(metadata["parameters"], model_values(settings, model.id)),
         *_parts(scene, volume, model, metadata["inputs"]),
     )
 
@@ -153,7 +153,7 @@ def _plain(socket: bpy.types.NodeSocket) -> Any:
     return value if isinstance(value, float | int | str) else list(value)
 
 
-def _parameters(before: Mapping[str, Any], now: Mapping[str, Value]) -> list[str]:
+def parameters(before: Mapping[str, Any], now: Mapping[str, Value]) -> list[str]:
     """Parameters are stored as they were given: the same number reads as the same value."""
     return [
         f"{name} was {_shown(before.get(name))}, is {_shown(value)}"
