@@ -8,7 +8,7 @@ import bpy
 import pytest
 from recording_layout import RecordingLayout
 
-from volillum_addon.blender import compare_panel, modal, panels, properties
+from volillum_addon.blender import compare_panel, modal, panels
 from volillum_addon.blender.jobs import Job, Work
 from volillum_addon.models.model import Model
 from volillum_addon.models.registry import MODELS, get, models
@@ -62,7 +62,7 @@ def test_a_volume_without_a_material(scene: bpy.types.Scene) -> None:
 def test_every_models_parameters_are_shown(scene: bpy.types.Scene, model: Model) -> None:
     scene.volillum.model = model.id
     layout = draw(panels.VOLILLUM_PT_model, scene)
-    assert layout.properties() == ["model", "composition", *(p.name for p in model.parameters)]
+    assert layout.properties() == ["model", "by_light", *(p.name for p in model.parameters)]
     text = " ".join(layout.labels())
     assert model.summary in text
     for need in model.needs:
@@ -74,7 +74,7 @@ def test_a_composition_takes_the_models_place(scene: bpy.types.Scene) -> None:
     layout = draw(panels.VOLILLUM_PT_model, scene)
     parts = [parameter.name for id_ in ("half_angle", "spherical_harmonics")
              for parameter in get(id_).parameters]  # fmt: skip
-    assert layout.properties() == ["model", "composition", *parts]
+    assert layout.properties() == ["sun_model", "sky_model", "by_light", *parts]
     assert "Sun: Half angle" in layout.labels()
     scene.volillum.composition = "sun=half_angle,lamp=half_angle"
     layout = draw(panels.VOLILLUM_PT_model, scene)
@@ -82,16 +82,6 @@ def test_a_composition_takes_the_models_place(scene: bpy.types.Scene) -> None:
     assert layout.properties().count("theta") == 1
     scene.volillum.composition = "sun=half_angle,moon=half_angle"
     assert "'moon'" in " ".join(draw(panels.VOLILLUM_PT_model, scene).labels())
-
-
-def test_compositions_are_suggested(scene: bpy.types.Scene) -> None:
-    every = properties._compositions(scene.volillum, bpy.context, "")
-    assert len(every) == len(set(every)) > len(MODELS)
-    for pair in every:
-        assert get(pair).id == pair
-    some = properties._compositions(scene.volillum, bpy.context, "sky=Ambient")
-    assert some
-    assert all("sky=ambient_occlusion" in pair for pair in some)
 
 
 def test_what_a_model_leaves_out_of_this_scene_is_said(scene: bpy.types.Scene) -> None:

@@ -55,7 +55,9 @@ def rendered_objects(scene: bpy.types.Scene) -> list[bpy.types.Object]:
         for child in layer.children:
             visit(child)
 
-    visit(scene.view_layers[0].layer_collection)
+    root = scene.view_layers[0].layer_collection
+    if root is not None:  # as in a scene that has never been looked at
+        visit(root)
     return [found[name] for name in sorted(found)]
 
 

@@ -26,7 +26,7 @@ def outline(scene: bpy.types.Scene, volume: bpy.types.Object) -> Scene:
     if scene.camera is not None:
         camera = read_camera(scene.camera, *image_size(scene))
     medium = Medium(_VOXEL, _VOXEL, _VOXEL if glows else None, g)
-    return Scene(medium, _lights(scene), camera)
+    return Scene(medium, lights(scene), camera)
 
 
 def closures(volume: bpy.types.Object) -> list[Closure]:
@@ -35,15 +35,15 @@ def closures(volume: bpy.types.Object) -> list[Closure]:
     return [] if material is None else read_closures(material)
 
 
-def _lights(scene: bpy.types.Scene) -> tuple[Light, ...]:
+def lights(scene: bpy.types.Scene) -> tuple[Light, ...]:
     """As `read_lights`, but a world with an image is any environment: its pixels take time."""
-    lights = [read_light(placed) for placed in light_objects(scene)]
+    found = [read_light(placed) for placed in light_objects(scene)]
     world = scene.world
     if world is None:
-        return tuple(lights)
+        return tuple(found)
     images = world.node_tree is not None and any(
         node.bl_idname == "ShaderNodeTexEnvironment" for node in world.node_tree.nodes
     )
     if images and world.cycles_visibility.scatter:
-        return (*lights, EnvironmentLight(1.0))
-    return (*lights, *read_world(world))
+        return (*found, EnvironmentLight(1.0))
+    return (*found, *read_world(world))

@@ -8,7 +8,7 @@ from ..core.errors import InputError
 from ..models.illuminate import left_out
 from ..models.model import Model
 from ..models.registry import get
-from . import exhibit_state, live_session, staleness, work, wrap
+from . import composing, exhibit_state, live_session, staleness, work, wrap
 from .medium_reader import volume_material
 from .outline import outline
 from .properties import chosen_model, parameter_groups
@@ -48,10 +48,15 @@ class VOLILLUM_PT_model(Sidebar, bpy.types.Panel):
         layout = column(self.layout)
         settings = context.scene.volillum
         room = wrap.room(context)
-        choice = layout.column()
-        choice.enabled = not settings.composition
-        choice.prop(settings, "model", text="")
-        layout.prop(settings, "composition", placeholder="sun=...,sky=...")
+        kinds = composing.groups(settings)
+        if settings.by_light:
+            for kind in kinds:
+                layout.prop(settings, composing.menu(kind))
+        else:
+            layout.prop(settings, "model", text="")
+        # Of one kind of light there is nothing to put together.
+        if settings.by_light or len(kinds) > 1:
+            layout.prop(settings, "by_light")
         try:
             model = get(chosen_model(settings))
         except InputError as error:

@@ -8,10 +8,10 @@ import bpy
 
 from ..bake.grids import grid_names
 from ..core.errors import InputError
-from ..models.composition import GROUPS, Composition
+from ..models.composition import Composition
 from ..models.model import Model, Parameter, Value
 from ..models.registry import get, models
-from . import parameters
+from . import composing, parameters
 from .places import block_file
 from .stage import Stage
 
@@ -29,13 +29,6 @@ def _grids(settings: Any, _context: bpy.types.Context, text: str) -> list[str]:
         return [name for name in grid_names(path) if text.lower() in name.lower()]
     except (InputError, OSError):
         return []  # Bake says what is wrong with the file; a list of suggestions need not.
-
-
-def _compositions(_settings: Any, _context: bpy.types.Context, text: str) -> list[str]:
-    """The pairs of models for sun and sky that hold the text."""
-    known = {kind: [m.id for m in models() if GROUPS[kind] & m.lights] for kind in ("sun", "sky")}
-    pairs = [f"sun={sun},sky={sky}" for sun in known["sun"] for sky in known["sky"]]
-    return [pair for pair in pairs if text.strip().lower() in pair]
 
 
 def _still(kind: Any, name: str, description: str = "", **arguments: Any) -> Any:
@@ -184,9 +177,8 @@ class Settings(bpy.types.PropertyGroup):
         soft_max=1024,
     )
     composition: _text(
-        "Each kind of light",
-        "Its own model, as sun=ID,sky=ID with the models' own parameters; empty: one model for all",
-        search=_compositions,
+        "Composition",
+        "A model for each kind of light, as sun=ID,lamp=ID,sky=ID; empty: one model for all",
     )
     wanted_error: _number(
         "Error",
@@ -221,6 +213,7 @@ class Settings(bpy.types.PropertyGroup):
 Settings.__annotations__ |= {
     id_: bpy.props.PointerProperty(type=group) for id_, group in parameters.GROUPS.items()
 }
+Settings.__annotations__ |= composing.PROPERTIES
 CLASSES = (*parameters.GROUPS.values(), Baked, Result, Stage, Settings)
 
 
