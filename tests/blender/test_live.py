@@ -18,6 +18,7 @@ from volillum_addon.blender import live, live_session, panels, showing, stalenes
 from volillum_addon.blender.constants import constants, same_nodes
 from volillum_addon.blender.display import show_bake
 from volillum_addon.core.control import Control
+from volillum_addon.models.registry import get
 
 PATIENCE_SECONDS = 120  # against a hang, on a busy machine
 
@@ -301,4 +302,19 @@ def test_a_composition_is_followed(
     placed(scene, "LIGHT").rotation_euler[0] += 0.3
     settle(followed)
     assert bakes == [*done, "coarse", "full"]
+    assert_shown_as_show_would(scene)
+
+
+def test_photons_of_a_first_look_end_by_time(
+    scene: bpy.types.Scene, followed: live.Live, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene.volillum.model = "photon_mapping"
+    scene.volillum.photon_mapping.passes = 2
+    while followed._shown is None:
+        followed.look()
+    coarse = read_vdb(shown_file(scene)).parameters
+    assert coarse == {**coarse, **get("photon_mapping").first_look}
+    assert math.isfinite(float(coarse["seconds"]))
+    settle(followed)
+    assert math.isinf(float(read_vdb(shown_file(scene)).parameters["seconds"]))
     assert_shown_as_show_would(scene)

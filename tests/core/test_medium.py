@@ -24,6 +24,9 @@ def test_density_becomes_coefficients() -> None:
     assert albedo is not None
     # float32 products: a few times 2^-24.
     assert np.allclose(albedo, (0.9, 0.5, 0.1), rtol=1e-6)
+    # Live asks for it again and again: every voxel is looked at once.
+    assert medium.constant_albedo is albedo
+    assert not albedo.flags.writeable
 
 
 def test_a_varying_albedo_is_not_constant() -> None:

@@ -188,3 +188,10 @@ def test_the_order_of_the_kinds_makes_no_other_composition() -> None:
         get("sky=spherical_harmonics, sun=half_angle").id
         == "sun=half_angle,sky=spherical_harmonics"
     )
+
+
+def test_a_first_look_is_the_parts_first_look() -> None:
+    chosen = get({"sun": "half_angle", "sky": "photon_mapping"})
+    look = chosen.values(chosen.first_look)
+    assert look["sky_seconds"] == get("photon_mapping").first_look["seconds"]
+    assert look["sun_directions"] == get("half_angle").ladder[0]["directions"]

@@ -348,3 +348,10 @@ def test_one_thread_and_all_threads_bake_the_same_bits() -> None:
     ]  # fmt: skip
     assert prints[0] == prints[1]
     assert len(prints[0].splitlines()) == len(models())
+
+
+@every_model
+def test_a_first_look_is_a_setting_of_the_model(model: Model) -> None:
+    assert model.values(model.first_look).keys() == {each.name for each in model.parameters}
+    if model.ladder and model.quick is None:
+        assert model.first_look == model.ladder[0]

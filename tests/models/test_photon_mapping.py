@@ -14,7 +14,9 @@ from volillum_addon.core.grid import Grid
 from volillum_addon.core.lights import DistantLight, PointLight
 from volillum_addon.core.medium import Medium
 from volillum_addon.core.scene import Scene
+from volillum_addon.models import photon_state
 from volillum_addon.models.illuminate import bake
+from volillum_addon.models.registry import get
 
 
 @pytest.mark.parametrize(
@@ -161,3 +163,24 @@ def test_opaque_voxels_are_bounded() -> None:
     value, error = light_of(bake(Scene(medium, (SKY,)), MODEL, photons=2000))
     assert np.all(np.isfinite(value))
     assert np.all(value <= 1 + 1e-5 + 6 * error)
+
+
+@pytest.mark.parametrize(("seconds", "passes"), [(1.0, 2), (0.04, 3), (0.001, 64)])
+def test_a_first_look_ends_by_time(
+    monkeypatch: pytest.MonkeyPatch, seconds: float, passes: int
+) -> None:
+    """However long a pass takes: two are the least, and many hardly show."""
+    clock, done = [0.0], [0]
+    inner = photon_state.PhotonState._trace
+
+    def slow(self: photon_state.PhotonState, *arguments: object) -> None:
+        inner(self, *arguments)  # type: ignore[arg-type]
+        clock[0] += seconds
+        done[0] += 1
+
+    monkeypatch.setattr(photon_state.PhotonState, "_trace", slow)
+    monkeypatch.setattr(photon_state.time, "perf_counter", lambda: clock[0])
+    grid = Grid(np.ones((6, 5, 4), np.float32), np.eye(4), "box")
+    look = {**get(MODEL).first_look, "photons": 50}
+    bake(Scene(Medium.from_density(grid, 0.1, 0.9), (SKY,)), MODEL, **look)
+    assert done[0] == passes

@@ -253,7 +253,7 @@ def _coarse(
     scene: Scene, model: str, values: dict[str, Value], path: Path, control: Control
 ) -> Result:
     """A bake of a coarse grid by the model's fast settings, in a file of its own."""
-    fast = {**values, **dict(get(model).ladder[0])} if get(model).ladder else values
+    fast = {**values, **get(model).first_look}
     volume = illuminate(coarsened(scene, COARSE_VOXELS), model, fast, control)
     write_vdb(volume, path)
     return Result(volume, path)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -83,9 +84,10 @@ class Medium:
             self.emission is None or not self.emission.values.any()
         )
 
-    @property
+    @cached_property
     def constant_albedo(self) -> np.ndarray | None:
-        """RGB float64 albedo when sigma_s is one constant times sigma_t, otherwise None."""
+        """RGB float64 albedo when sigma_s is one constant times sigma_t, otherwise None. Looked for
+        once, in every voxel."""
         sigma_t = np.atleast_1d(self.sigma_t.values.max(axis=(0, 1, 2)).astype(np.float64))
         sigma_s = np.atleast_1d(self.sigma_s.values.max(axis=(0, 1, 2)).astype(np.float64))
         albedo = np.divide(sigma_s, sigma_t, out=np.zeros(np.broadcast(sigma_s, sigma_t).shape),
@@ -97,7 +99,9 @@ class Medium:
         expected = wide_t * albedo.astype(np.float32)
         tolerance = np.float32(ALBEDO_SLACK) * wide_t
         if np.all(np.abs(wide_s - expected) <= tolerance + np.float32(1e-30)):
-            return np.asarray(np.broadcast_to(albedo, (3,)).copy())
+            constant = np.broadcast_to(albedo, (3,)).copy()
+            constant.setflags(write=False)
+            return constant
         return None
 
     @property

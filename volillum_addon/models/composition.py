@@ -156,6 +156,7 @@ def compose(assignments: Mapping[str, str], models: Mapping[str, Model]) -> Comp
         solve=partial(_solve, parts),
         radiance=partial(_radiance, parts),
         ladder=_ladder(parts),
+        quick=_first_look(parts),
         resolve=partial(_resolve, parts),
         remarks=partial(_remarks, parts),
         parts=parts,
@@ -200,6 +201,13 @@ def _ladder(parts: tuple[Part, ...]) -> tuple[Values, ...]:
             together |= part.named(own[min(rung, len(own) - 1)] if own else {})
         ladder.append(together)
     return tuple(ladder)
+
+
+def _first_look(parts: tuple[Part, ...]) -> Values:
+    together: dict[str, Value] = {}
+    for part in parts:
+        together |= part.named(part.model.first_look)
+    return together
 
 
 def _resolve(parts: tuple[Part, ...], scene: Scene, values: Values) -> Values:

@@ -72,7 +72,9 @@ class Model:
     `resolve(scene, values)`, where a model has settings whose default follows the scene, puts them
     in; `operator` and `solve` get resolved values.
     `remarks(volume)` tells what a bake found out about its own limits, in plain words.
-    `ladder` holds settings from fast to accurate, for measurements of error against time.
+    `ladder` holds settings from fast to accurate, for measurements of error against time; `quick`
+    those for a first look at some 64^3 voxels in a fraction of a second, where they are no rung of
+    it (see `first_look`).
     `largest_g` is the largest |g| of a medium that it can serve.
     `lights` are the kinds of light that it represents; `rebake_on` the scene's parts whose change
     makes its channels stale.
@@ -91,6 +93,7 @@ class Model:
     solve: Callable[[Scene, Values, Control], dict[str, Grid]]
     radiance: Callable[[tuple[Light, ...], Medium, Values], tuple[RadianceTerm, ...]]
     ladder: tuple[Values, ...] = ()
+    quick: Values | None = None
     largest_g: float = LARGEST_G
     resolve: Callable[[Scene, Values], Values] | None = None
     remarks: Callable[[IlluminationVolume], tuple[str, ...]] = lambda volume: ()
@@ -106,6 +109,13 @@ class Model:
     def resolved(self, scene: Scene, values: Values) -> Values:
         """`values` with what follows the scene put in."""
         return values if self.resolve is None else self.resolve(scene, values)
+
+    @property
+    def first_look(self) -> Values:
+        """Settings for a first look: `quick`, or else the ladder's fastest rung."""
+        if self.quick is not None:
+            return self.quick
+        return self.ladder[0] if self.ladder else {}
 
     def operator_in(self, scene: Scene, values: Values) -> Operator:
         """The model's equation in this scene."""
