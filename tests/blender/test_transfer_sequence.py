@@ -328,6 +328,31 @@ def test_a_sequence_without_matter_is_refused(tmp_path: Path) -> None:
     source = importing.file_source(tmp_path / "void_0002.vdb")
     with pytest.raises(InputError, match="every frame of void is empty; expected matter"):
         sequence.read_frames(source.frames, tmp_path / "out", "void", 0, Options())
+    assert not list((tmp_path / "out").iterdir())
+
+
+def test_a_damaged_frame_is_named_and_nothing_is_left(
+    scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    first = puffs(tmp_path / "in")
+    damaged = frame_file(first, 4)
+    damaged.write_bytes(damaged.read_bytes()[:-200])
+    before = set(scene.objects)
+    with pytest.raises(RuntimeError, match=r"puff_0004\.vdb is cut off or damaged"):
+        bpy.ops.volillum.import_volume(filepath=str(first), transfer="smoke")
+    assert set(scene.objects) == before
+    assert not list((tmp_path / "out").iterdir())
+
+
+def test_values_that_moved_with_their_sequence_are_found(
+    lit: bpy.types.Scene, tmp_path: Path
+) -> None:
+    (tmp_path / "out").rename(tmp_path / "moved")
+    data = lit.volillum.volume.data
+    data.filepath = str(tmp_path / "moved" / Path(data.filepath).name)
+    change(lit)
+    assert bpy.ops.volillum.apply_transfer() == {"FINISHED"}
+    assert_same(read_at(lit, 4), expected(lit, tmp_path, 4))
 
 
 def test_a_bake_of_one_frame_is_stale_at_another(lit: bpy.types.Scene) -> None:

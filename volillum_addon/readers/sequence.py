@@ -22,6 +22,7 @@ from ..bake import layout
 from ..bake.frame_files import frame_of, name_of, numbered
 from ..bake.grids import EmptyGridError
 from ..bake.sequence import each_frame
+from ..bake.store import StorageError
 from ..core.control import Control
 from ..core.errors import InputError, bad
 from ..core.grid import Grid
@@ -68,7 +69,8 @@ def read_frames(
     """Every frame's values as a file in `directory`, found or written. A frame without a voxel is
     one voxel of 0.
 
-    Raises InputError where a file cannot be read or all are empty, StorageError, Cancelled.
+    Raises InputError where a file cannot be read or all are empty, and then leaves nothing behind;
+    StorageError, Cancelled.
     """
     watch, frames = control or Control(), sorted(sources)
     digest = hashlib.sha256(json.dumps([FORMAT, level, options.grid, options.channel]).encode())
@@ -77,12 +79,20 @@ def read_frames(
     name = f"{stem}{VALUES}{digest.hexdigest()[:12]}"
     files = tuple(numbered(directory, name, frame) for frame in frames)
     steps = each_frame(frames, watch, SURVEY_SHARE, 1, "importing")
-    for frame, target in zip(steps, files, strict=True):
-        if not target.is_file():
-            write_imported(*_read(sources[frame], level, options, watch), target, watch)
-    full = [file for file in files if not _is_empty(read_about(file))]
-    if not full:
-        raise bad(f"every frame of {stem}", "empty", "matter in one of them at least")
+    try:
+        for frame, target in zip(steps, files, strict=True):
+            if not target.is_file():
+                write_imported(*_read(sources[frame], level, options, watch), target, watch)
+        full = [file for file in files if not _is_empty(read_about(file))]
+        if not full:
+            raise bad(f"every frame of {stem}", "empty", "matter in one of them at least")
+    except StorageError:
+        raise  # with more room it goes on
+    except InputError:
+        # A mended frame is another sequence, with other names.
+        for target in files:
+            target.unlink(missing_ok=True)
+        raise
     return Values(files, about_all(files), np.concatenate([read_corners(file) for file in full]))
 
 
