@@ -98,7 +98,7 @@ def main() -> None:
         sigma_t = density * np.float32(side)
         engine = volillum_native.Photons(sigma_t, sigma_t * np.float32(0.9), affine)
         source = volillum_native.PhotonSource.distant(SUN, 1.0)
-        sums = np.zeros((sigma_t.size, 1, 1), np.float32)
+        sums = np.zeros((sigma_t.size, 1), np.float32)
         deviations = np.zeros((sigma_t.size, 1), np.float32)
         seconds, passes, error, scatterings = [], 0, np.inf, 0.0
         matter = sigma_t.reshape(-1) > 0
@@ -110,7 +110,7 @@ def main() -> None:
             passes += 1
             scatterings = float(tally["scatterings"]) / photons
             if passes > 1:
-                mean = sums[matter, 0, 0].astype(np.float64) / passes
+                mean = sums[matter, 0].astype(np.float64) / passes
                 variance = deviations[matter, 0] / (passes * (passes - 1.0))
                 error = float(np.sqrt(variance.sum() / (mean**2).sum()))
         # The first pass also makes its buffers.

@@ -10,6 +10,8 @@ import pytest
 # A child prints by how many bytes a bake's peak of resident memory rose beyond what is held before,
 # the input among it, and the bytes of the output. A small bake before has loaded all code.
 CHILD = """
+from dataclasses import replace
+
 import numpy as np
 import volillum_native
 from volillum_addon.core.grid import Grid
@@ -18,7 +20,7 @@ from volillum_addon.core.medium import Medium
 from volillum_addon.core.scene import Scene
 from volillum_addon.models.illuminate import bake
 
-model, size, threads, parameters = {model!r}, {size}, {threads}, {parameters}
+model, size, threads, g, parameters = {model!r}, {size}, {threads}, {g}, {parameters}
 
 def held(field):
     with open("/proc/self/status") as status:
@@ -27,7 +29,8 @@ def held(field):
 def scene(size):
     values = np.random.default_rng(0).random((size,) * 3, dtype=np.float32)
     grid = Grid(values, np.diag([1 / size, 1 / size, 1 / size, 1.0]))
-    return Scene(Medium.from_density(grid, 5.0, 0.9), (DistantLight((0.3, 0.2, 0.9), 1.0),))
+    medium = replace(Medium.from_density(grid, 5.0, 0.9), g=g)
+    return Scene(medium, (DistantLight((0.3, 0.2, 0.9), 1.0),))
 
 volillum_native.set_threads(threads)
 bake(scene(8), model, **parameters)
@@ -43,18 +46,21 @@ PHOTONS = {"photons": 20_000, "passes": 2}
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the peak is read from /proc")
 @pytest.mark.parametrize(
-    ("model", "size", "threads", "parameters"),
+    ("model", "size", "threads", "g", "parameters"),
     [
-        pytest.param("half_angle", 128, 2, {}, id="half angle"),
-        pytest.param("half_angle", 192, 4, {}, id="half angle, 4 threads"),
-        pytest.param("photon_mapping", 128, 2, PHOTONS, id="photons"),
+        pytest.param("half_angle", 128, 2, 0, {}, id="half angle"),
+        pytest.param("half_angle", 192, 4, 0, {}, id="half angle, 4 threads"),
+        pytest.param("photon_mapping", 128, 2, 0, PHOTONS, id="photons"),
+        pytest.param("photon_mapping", 128, 4, 0, PHOTONS, id="photons, 4 threads"),
+        pytest.param("photon_mapping", 128, 2, 0.5, PHOTONS, id="photons, anisotropic"),
+        pytest.param("photon_mapping", 128, 4, 0.5, PHOTONS, id="photons, anisotropic, 4 threads"),
     ],
 )
 def test_peak_is_at_most_the_outputs_and_four_times_the_input(
-    model: str, size: int, threads: int, parameters: dict[str, object]
+    model: str, size: int, threads: int, g: float, parameters: dict[str, object]
 ) -> None:
     """The input, sigma_t and sigma_s, itself counts as one of the four."""
-    script = CHILD.format(model=model, size=size, threads=threads, parameters=parameters)
+    script = CHILD.format(model=model, size=size, threads=threads, g=g, parameters=parameters)
     child = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, check=True
     )

@@ -61,7 +61,7 @@ def blocks_of(majorant: float, photons: int, replicates: int, alpha: float) -> N
     deviations = np.zeros((SIZE**3, 1), np.float32)
     for seed in range(replicates):
         for block, (begin, end) in enumerate(BLOCKS):
-            sums = np.zeros((SIZE**3, 1, 1), np.float32)
+            sums = np.zeros((SIZE**3, 1), np.float32)
             for index in range(begin, end):
                 engine.run(lamp, sums, deviations, seed=seed, pass_index=index, photons=photons,
                            unscattered=True, radius=radius(FIRST, alpha, index))  # fmt: skip

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import threading
+import time
 
 import numpy as np
 import pytest
@@ -39,16 +41,21 @@ class Run:
         self.source, self.photons, self.unscattered = source, photons, unscattered
         colours = self.engine.colours(source)
         self.shape = sigma_t.shape[1:]
-        self.sums = np.zeros((math.prod(self.shape), moments, colours), np.float32)
-        self.deviations = np.zeros((math.prod(self.shape), colours), np.float32)
+        plain = (math.prod(self.shape), colours)
+        self.sums, self.deviations = np.zeros(plain, np.float32), np.zeros(plain, np.float32)
+        self.higher = self.wraps = None
+        if moments > 1:
+            shape = (plain[0], moments - 1, colours)
+            self.higher, self.wraps = np.zeros(shape, np.int32), np.zeros(shape, np.int32)
         self.tallies: list[dict[str, object]] = []
 
     def add(self, *passes: int, seed: int = 1, threads: int = 0) -> Run:
         for index in passes:
             self.tallies.append(
                 self.engine.run(
-                    self.source, self.sums, self.deviations, seed=seed, pass_index=index,
-                    photons=self.photons, unscattered=self.unscattered, threads=threads,
+                    self.source, self.sums, self.deviations, self.higher, self.wraps,
+                    seed=seed, pass_index=index, photons=self.photons,
+                    unscattered=self.unscattered, threads=threads,
                 )
             )  # fmt: skip
         return self
@@ -56,13 +63,23 @@ class Run:
     def unit(self) -> float:
         return self.engine.deposit_unit(self.source, self.unscattered) / self.photons
 
+    def moments(self) -> NDArray[np.float64]:
+        """Sums of all moments, [voxels, moments, colours]."""
+        first = self.sums[:, None].astype(np.float64)
+        if self.higher is None or self.wraps is None:
+            return first
+        higher = (self.higher + self.wraps * 2.0**32) * native.higher_unit
+        return np.concatenate([first, higher], axis=1)
+
     def replicates(self, count: int, seed: int = 1) -> NDArray[np.float64]:
         """In-scattered radiance of independent passes, [count, voxels, moments, colours]."""
         found = []
         for index in range(count):
-            self.sums[:] = 0
+            for array in (self.sums, self.higher, self.wraps):
+                if array is not None:
+                    array[:] = 0
             self.add(index, seed=seed)
-            found.append(self.sums.astype(np.float64) * self.unit())
+            found.append(self.moments() * self.unit())
         return np.array(found)
 
 
@@ -240,7 +257,7 @@ def test_standard_errors_are_calibrated() -> None:
     for seed in range(runs):
         run = Run(sigma_t, sigma_t * np.float32(0.8), PhotonSource.environment(), photons=300)
         run.add(*range(passes), seed=seed)
-        mean = run.sums[:, 0, 0].astype(np.float64) / passes
+        mean = run.sums[:, 0].astype(np.float64) / passes
         means.append(mean)
         variances.append(run.deviations[:, 0].astype(np.float64) / passes / (passes - 1))
     ratio = np.mean(variances, axis=0) / np.var(means, axis=0, ddof=1)
@@ -259,9 +276,9 @@ def test_threads_change_no_bit(channels: int) -> None:
             run = Run(sigma_t, sigma_t * np.float32(0.9), PhotonSource.environment(),
                       photons=40_000, moments=9)  # fmt: skip
             run.add(0, 1, threads=threads)
-            prints.append((run.sums.tobytes(), run.deviations.tobytes(), run.tallies))
+            prints.append((run.moments().tobytes(), run.deviations.tobytes(), run.tallies))
         assert prints[0] == prints[1] == prints[2]
-        assert run.sums.any()
+        assert run.moments()[:, 1:].any()
 
 
 def test_overflowing_sums_are_carried() -> None:
@@ -269,23 +286,53 @@ def test_overflowing_sums_are_carried() -> None:
     sigma_t = np.full((1, 1, 1, 1), 0.5, np.float32)
     run = Run(sigma_t, sigma_t, PhotonSource.environment(), photons=100_000)
     run.add(0, threads=1)
-    assert run.sums[0, 0, 0] > 2**32
+    assert run.sums[0, 0] > 2**32
     # One photon's track through the box has a relative deviation below 1.
-    assert run.sums[0, 0, 0] * run.unit() == pytest.approx(1.0, abs=5 / math.sqrt(100_000))
+    assert run.sums[0, 0] * run.unit() == pytest.approx(1.0, abs=5 / math.sqrt(100_000))
 
 
-def test_a_cancelled_pass_leaves_nothing() -> None:
+def test_overflowing_higher_moments_are_carried() -> None:
+    """One direction, one voxel: sqrt(4 pi) Y_lm times the fluence."""
+    from volillum_addon.core import harmonics
+
+    toward = np.array([0.6, 0.0, 0.8])
+    sigma_t = np.zeros((1, 1, 1, 1), np.float32)
+    source = PhotonSource.distant(toward, 1.0)
+    run = Run(sigma_t, sigma_t, source, photons=1_000_000, moments=9)
+    run.add(0, 1)
+    assert run.wraps is not None
+    assert run.wraps.any()
+    found = run.moments()[0, :, 0]
+    expected = math.sqrt(4 * math.pi) * harmonics.evaluate(toward[None])[0, : harmonics.count(2)]
+    # Each of the photons is rounded to some 1e-5 of a voxel's diagonal.
+    assert found / found[0] == pytest.approx(expected, abs=1e-5)
+
+
+@pytest.mark.parametrize("started", [False, True], ids=["at once", "half way"])
+def test_a_cancelled_pass_leaves_nothing(started: bool) -> None:
     sigma_t = random_medium()
-    run = Run(sigma_t, sigma_t, PhotonSource.environment()).add(0)
-    before = run.sums.copy()
+    run = Run(sigma_t, sigma_t, PhotonSource.environment(), moments=9).add(0)
+    before = run.moments()
     control = native.Control()
-    control.cancel()
+
+    def cancel() -> None:
+        while started and control.progress < 0.1:
+            time.sleep(1e-4)
+        control.cancel()
+
+    watcher = threading.Thread(target=cancel)
+    watcher.start()
+    if not started:
+        watcher.join()
     with pytest.raises(native.Cancelled):
-        run.engine.run(run.source, run.sums, run.deviations, seed=1, pass_index=1, photons=10_000,
+        run.engine.run(run.source, run.sums, run.deviations, run.higher, run.wraps, seed=1,
+                       pass_index=1, photons=1_000_000, unscattered=True,
                        control=control)  # fmt: skip
-    assert np.array_equal(run.sums, before)
-    again = Run(sigma_t, sigma_t, PhotonSource.environment()).add(0, 1)
-    assert np.array_equal(run.add(1).sums, again.sums)
+    watcher.join()
+    assert (control.progress > 0) == started
+    assert np.array_equal(run.moments(), before)
+    again = Run(sigma_t, sigma_t, PhotonSource.environment(), moments=9).add(0, 1)
+    assert np.array_equal(run.add(1).moments(), again.moments())
 
 
 def test_an_opaque_medium_is_bounded() -> None:

@@ -66,11 +66,11 @@ def widened_medium(medium: Medium, margin: tuple[int, int, int]) -> Medium:
 def inner[Scalar: np.generic](
     values: NDArray[Scalar], shape: tuple[int, ...], margin: tuple[int, int, int]
 ) -> NDArray[Scalar]:
-    """Values [voxels of the widened lattice, ...] of the voxels of the lattice of `shape`,
-    [i, j, k, ...], not copied."""
+    """Values [voxels of the widened lattice, or of its first planes, ...] of the voxels of the
+    lattice of `shape`, [i, j, k, ...], not copied."""
     wide = tuple(n + 2 * m for n, m in zip(shape, margin, strict=True))
     cut = tuple(slice(m, m + n) for n, m in zip(shape, margin, strict=True))
-    return values.reshape(*wide, *values.shape[1:])[cut]
+    return values.reshape(-1, *wide[1:], *values.shape[1:])[cut]
 
 
 def least_majorant(lattice: Grid) -> float:

@@ -67,8 +67,7 @@ def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
         state.refine(
             int(values["passes"]), control, float(values["error"]), float(values["seconds"])
         )
-    state.release()
-    return state.channels()
+    return state.channels(release=True)
 
 
 def radiance(lights: tuple[Light, ...], medium: Medium, values: Values) -> tuple[RadianceTerm, ...]:
@@ -122,26 +121,25 @@ def remarks(volume: IlluminationVolume) -> tuple[str, ...]:
     moments = any(isinstance(term.angular, Moment) for term in volume.radiance)
     if not moments or abs(volume.medium.g) < LEAST_G:
         return ()
-    noise = np.broadcast_to(
-        volume.channels[STANDARD_ERROR].values.reshape(*volume.medium.sigma_t.shape, -1) ** 2,
-        (*volume.medium.sigma_t.shape, 3),
-    )
-    matter = volume.medium.sigma_t.values.reshape(*volume.medium.sigma_t.shape, -1).any(-1)
-    noisy = float(noise[matter].astype(np.float64).mean())
-    g = volume.medium.g
-    energy = []
-    for band in range(MOMENT_ORDER + 1):
-        total = 0.0
-        for index in range(band**2, (band + 1) ** 2):
-            some = [t for t in volume.radiance if t.angular == Moment(index)]
-            part = sum(
-                volume.component(term.factors[0])[matter].astype(np.float64) * term.weight
-                for term in some
-            )
-            total += float(np.mean(np.square(part))) / (4 * math.pi * g ** (2 * band))
-        energy.append(max(total - (2 * band + 1) * noisy, 0.0))
-    mean = volume.mean_over_views().values[matter].astype(np.float64)
-    power = float(np.mean(mean**2))
+    g, sigma_t, errors = volume.medium.g, volume.medium.sigma_t, volume.channels[STANDARD_ERROR]
+    count, power, noise, found = 0, 0.0, 0.0, np.zeros(MOMENT_ORDER + 1)
+    for slab in sigma_t.slabs():
+        matter = sigma_t.values[slab].reshape(*sigma_t.values[slab].shape[:3], -1).any(-1)
+        count += int(matter.sum())
+        power += _squared(volume.mean_over_views_in(slab)[matter])
+        noise += _squared(errors.values[slab][matter]) * 3 / errors.channels
+        for index in range(MOMENTS):
+            part: NDArray[np.float32] | float = 0.0
+            for term in volume.radiance:
+                if term.angular == Moment(index):
+                    component = volume.component(term.factors[0])[slab][matter]
+                    part = part + component * np.asarray(term.weight)
+            band = math.isqrt(index)
+            found[band] += _squared(part) / (4 * math.pi * g ** (2 * band))
+    # Means over voxels and colours.
+    values = 3 * max(count, 1)
+    power, noise, found = power / values, noise / values, found / values
+    energy = [max(found[band] - (2 * band + 1) * noise, 0.0) for band in range(MOMENT_ORDER + 1)]
     if not energy[1] or not power:
         return ()
     ratio = min(energy[2] / energy[1], 1.0)
@@ -152,6 +150,11 @@ def remarks(volume: IlluminationVolume) -> tuple[str, ...]:
         f"directions; the others are estimated at {share} % of the "
         "radiance",
     )
+
+
+def _squared(values: NDArray[np.floating] | float) -> float:
+    """The sum of squares."""
+    return float(np.square(values, dtype=np.float64).sum())
 
 
 # Photons of a deep medium take much longer than those of a thin one: a first look ends by time, in

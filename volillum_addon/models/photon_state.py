@@ -6,9 +6,6 @@ import math
 import os
 import tempfile
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import partial
 from hashlib import blake2b
 from pathlib import Path
 
@@ -25,13 +22,14 @@ from . import photon_kernel, photon_lights
 from .angular import MOMENTS
 from .engines import channels_of
 from .model import Values
+from .photon_part import Part
 from .volume import STANDARD_ERROR
 
 # A standard error needs two passes.
 LEAST_PASSES = 2
 # Share of the progress that unscattered light takes.
 UNSCATTERED_SHARE = 0.1
-STATE_FORMAT = 2
+STATE_FORMAT = 3
 # The largest share of the scatterings that may be left out because photons are given up. One that
 # is given up would have scattered about as often again, or more.
 MOST_LEFT_OUT = 0.01
@@ -39,28 +37,9 @@ MOST_LEFT_OUT = 0.01
 PACK = 3
 
 
-@dataclass(eq=False)
-class Part:
-    """One light, or the medium's emission, at unit strength.
-
-    `sums` float32 [voxels, moments, colours] and `deviations` float32 [voxels, colours] are the
-    native engine's, of `passes` passes; `unscattered` [1 or 9 moments, 1 or 3, i, j, k] is exact,
-    None for the medium's emission; `scale` is the in-scattered radiance of one unit of `sums`,
-    times the number of photons. `one_way`: unscattered light comes from one direction, and is kept
-    apart where the phase function needs to know. `scatterings` of all photons, of which `endless`
-    were given up.
-    """
-
-    source: native.PhotonSource
-    sums: NDArray[np.float32]
-    deviations: NDArray[np.float32]
-    unscattered: NDArray[np.float32] | None
-    scale: float
-    strength: NDArray[np.float64]
-    one_way: bool
-    passes: int = 0
-    scatterings: int = 0
-    endless: int = 0
+def _grid(lattice: Grid, values: NDArray[np.float32], name: str) -> Grid:
+    """A grid of `values` [i, j, k, channels]."""
+    return lattice.with_values(values[..., 0] if values.shape[-1] == 1 else values, name)
 
 
 class PhotonState:
@@ -116,12 +95,14 @@ class PhotonState:
         strength: NDArray[np.float64],
         one_way: bool,
     ) -> Part:
-        colours = self._photons.colours(source)
-        voxels = math.prod(self._traced)
+        plain = (math.prod(self._traced), self._photons.colours(source))
+        moments = (plain[0], self._moments - 1, plain[1]) if self._moments > 1 else None
         return Part(
             source,
-            np.zeros((voxels, self._moments, colours), np.float32),
-            np.zeros((voxels, colours), np.float32),
+            np.zeros(plain, np.float32),
+            np.zeros(plain, np.float32),
+            None if moments is None else np.zeros(moments, np.int32),
+            None if moments is None else np.zeros(moments, np.int32),
             unscattered,
             unit * self._photons.deposit_unit(source, unscattered is None),
             strength,
@@ -175,7 +156,7 @@ class PhotonState:
 
     def _trace(self, index: int, part: Part, control: Control) -> None:
         tally = self._photons.run(
-            part.source, part.sums, part.deviations,
+            part.source, part.sums, part.deviations, part.higher, part.wraps,
             seed=(int(self.values["noise_seed"]) << 16) + index,
             pass_index=part.passes, photons=int(self.values["photons"]),
             unscattered=part.unscattered is None, radius=self._radius(part.passes),
@@ -194,27 +175,39 @@ class PhotonState:
                 f"{MOST_LEFT_OUT:.0%}: a less deep medium, or an albedo below 1"
             )
 
-    def channels(self) -> dict[str, Grid]:
+    def channels(self, release: bool = False) -> dict[str, Grid]:
         """In-scattered radiance at unit strength, by light (`photon_mapping.radiance` has their
         names and meaning), and `standard_error`: of the mean over directions of the sum over all
-        lights, at their strengths."""
+        lights, at their strengths. `release`: the state gives its memory for them, and is of no
+        use afterwards."""
         self._need_passes()
+        if release:
+            del self._photons
         lattice = self.scene.medium.sigma_t
+        error = self._empty(1 if self._is_grey() else 3)
+        for slab in lattice.slabs():
+            error[slab] = np.sqrt(self._variance(slab))
         result: dict[str, Grid] = {}
         for index, part in enumerate(self.parts):
             suffix = f"_{index}" if index < len(self.scene.lights) else "_emitted"
             if part.one_way and part.unscattered is not None:
                 name = "direct" + suffix
                 result[name] = channels_of(lattice, part.unscattered[0], name)
-            for name, moments in self._packs(part).items():
-                result[name + suffix] = self._filled(
-                    name + suffix,
-                    len(moments) * part.sums.shape[2],
-                    partial(self._moments_of, part, moments),
-                )
-        result[STANDARD_ERROR] = self._filled(
-            STANDARD_ERROR, 1 if self._is_grey() else 3, lambda slab: np.sqrt(self._variance(slab))
-        )
+            packs = self._packs(part)
+            filled = {
+                name: self._empty(len(moments) * part.sums.shape[1])
+                for name, moments in packs.items()
+            }
+            # From the end, so that what has been read can be given back.
+            for slab in reversed(list(lattice.slabs())):
+                for name, moments in packs.items():
+                    parts = [self._moment(part, m, slab) for m in moments]
+                    filled[name][slab] = np.concatenate(parts, axis=-1)
+                if release:
+                    part.shorten(math.prod(self._traced[1:]) * (slab.start + self._margin[0]))
+            for name, values in filled.items():
+                result[name + suffix] = _grid(lattice, values, name + suffix)
+        result[STANDARD_ERROR] = _grid(lattice, error, STANDARD_ERROR)
         return result
 
     def _packs(self, part: Part) -> dict[str, tuple[int, ...]]:
@@ -223,32 +216,25 @@ class PhotonState:
         if self._moments == 1:
             return {"light": (0,)}
         every = range(self._moments)
-        if part.sums.shape[2] == 3:
+        if part.sums.shape[1] == 3:
             return {f"moment_{m}": (m,) for m in every}
         return {f"moments_{m // PACK}": tuple(every[m : m + PACK]) for m in every[::PACK]}
 
-    def release(self) -> None:
-        """Give back what only further passes need; there can be none afterwards."""
-        del self._photons
-
-    def _filled(
-        self, name: str, channels: int, values: Callable[[slice], NDArray[np.floating]]
-    ) -> Grid:
-        """A grid of `values` [slab, j, k, channels]."""
-        lattice = self.scene.medium.sigma_t
-        result = np.empty((*lattice.shape, channels), np.float32)
-        for slab in lattice.slabs():
-            result[slab] = values(slab)
-        return lattice.with_values(result[..., 0] if channels == 1 else result, name)
-
-    def _moments_of(self, part: Part, moments: tuple[int, ...], slab: slice) -> NDArray[np.float32]:
-        """Several moments, [slab, j, k, moments or colours]."""
-        return np.concatenate([self._moment(part, m, slab) for m in moments], axis=-1)
+    def _empty(self, channels: int) -> NDArray[np.float32]:
+        """Values to be, [i, j, k, channels]."""
+        return np.empty((*self.scene.medium.sigma_t.shape, channels), np.float32)
 
     def _moment(self, part: Part, moment: int, slab: slice) -> NDArray[np.float32]:
         """One moment at unit strength, [slab, j, k, 1 or 3], of what is not kept apart."""
         scale = part.scale / (int(self.values["photons"]) * part.passes)
-        sums = self._inner(part.sums[:, moment], slab).astype(np.float64)
+        if moment == 0:
+            sums = self._inner(part.sums, slab).astype(np.float64)
+        else:
+            assert part.higher is not None
+            assert part.wraps is not None
+            sums = self._inner(part.wraps[:, moment - 1], slab).astype(np.float64) * 2.0**32
+            sums += self._inner(part.higher[:, moment - 1], slab)
+            sums *= native.higher_unit
         scattered = (sums * scale).astype(np.float32)
         if part.unscattered is None or part.one_way:
             return scattered
@@ -274,7 +260,7 @@ class PhotonState:
         return math.sqrt(noise / power) if power > 0 else 0.0
 
     def _is_grey(self) -> bool:
-        return all(part.sums.shape[2] == 1 and np.ptp(part.strength) == 0 for part in self.parts)
+        return all(part.sums.shape[1] == 1 and np.ptp(part.strength) == 0 for part in self.parts)
 
     def _variance(self, slab: slice) -> NDArray[np.float64]:
         """Squared standard error of the in-scattered radiance, [slab, j, k, 1 or 3]."""
@@ -301,8 +287,7 @@ class PhotonState:
             "passes": np.array([part.passes for part in self.parts]),
         }
         for index, part in enumerate(self.parts):
-            arrays[f"sums_{index}"] = part.sums
-            arrays[f"deviations_{index}"] = part.deviations
+            arrays |= {f"{name}_{index}": values for name, values in part.counts().items()}
         handle, temporary = tempfile.mkstemp(dir=target.parent, suffix=".part")
         try:
             with os.fdopen(handle, "wb") as file:
@@ -327,8 +312,8 @@ class PhotonState:
         if str(stored["inputs"]) != self._fingerprint():
             raise bad(f"{path}'s inputs", "others", "this scene, photons, seed and estimate")
         for index, part in enumerate(self.parts):
-            part.sums = stored[f"sums_{index}"]
-            part.deviations = stored[f"deviations_{index}"]
+            for name in part.counts():
+                setattr(part, name, stored[f"{name}_{index}"])
             part.passes = int(stored["passes"][index])
 
     def _fingerprint(self) -> str:

@@ -122,6 +122,10 @@ class IlluminationVolume:
         """In-scattered radiance averaged over all directions to the eye, [i, j, k, 3]."""
         return self._averaged().in_scattered()
 
+    def mean_over_views_in(self, slab: slice) -> NDArray[np.float32]:
+        """The same of a range of i, [slab, j, k, 3], without temporaries of the lattice's size."""
+        return np.maximum(self._averaged()._summed(None, slab), 0)
+
     def _averaged(self) -> IlluminationVolume:
         """With the mean over all directions to the eye as its radiance: a phase function has the
         mean 1, and of the moments only the first has a mean."""
@@ -170,12 +174,12 @@ class IlluminationVolume:
         there is matter; None without that channel."""
         if STANDARD_ERROR not in self.channels:
             return None
-        averaged, sigma_t = self._averaged(), self.medium.sigma_t
+        sigma_t = self.medium.sigma_t
         errors = self.channels[STANDARD_ERROR]
         noise = power = 0.0
         for slab in sigma_t.slabs():
             matter = sigma_t.values[slab].reshape(*sigma_t.values[slab].shape[:3], -1).any(-1)
-            shown = np.maximum(averaged._summed(None, slab), 0)[matter].astype(np.float64)
+            shown = self.mean_over_views_in(slab)[matter].astype(np.float64)
             error = errors.values[slab][matter].astype(np.float64)
             power += float((shown**2).sum()) / 3
             noise += float((error**2).sum()) / errors.channels

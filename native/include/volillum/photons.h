@@ -77,21 +77,23 @@ struct PhotonTally {
     std::int64_t scatterings = 0, endless = 0;  // endless: photons that were given up
 };
 
-// Sums over passes, owned by the caller, all starting at 0: sums[voxels][moments][colours] and
-// deviations[voxels][colours], squared deviations of the passes' zeroth moments from their mean.
+// Sums over passes, owned by the caller, all starting at 0.
 struct PhotonSums {
-    float *sums;
-    float *deviations;
+    // [voxels][colours]: fluence, and squared deviations of the passes' from their mean.
+    float *sums, *deviations;
+    // Null, or [voxels][8][colours]: also its directional moments, sqrt(4 pi) Y_lm of the
+    // directions to the source, 1 <= l <= 2, in units of `kHigherUnit` of the sums', and how often
+    // these have passed 2^32. The second stays 0, pages that nobody has touched, in all but long
+    // runs.
+    std::int32_t *higher = nullptr, *wraps = nullptr;
 };
+constexpr double kHigherUnit = 16.0;
 
 // One pass.
 struct PhotonRun {
     // Both choose the random numbers; `pass` is also how many passes the sums hold already.
     std::uint64_t seed = 0, pass = 0;
     std::size_t photons = 0;
-    // 1: fluence. 9: also its directional moments, sqrt(4 pi) Y_lm of the directions to the
-    // source, l <= 2.
-    std::size_t moments = 1;
     bool unscattered = false;  // whether light that comes straight from the source counts too
     // 0: track lengths in voxels. Otherwise the kernel estimate: possible collisions, real or null,
     // within this distance (world units) of a voxel's centre, each over the majorant there.

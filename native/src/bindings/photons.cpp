@@ -14,7 +14,7 @@ namespace {
 
 using Kind = PhotonSource::Kind;
 using Sums = nb::ndarray<float, nb::c_contig, nb::device::cpu>;
-using Deviations = nb::ndarray<float, nb::c_contig, nb::device::cpu>;
+using Integers = nb::ndarray<std::int32_t, nb::c_contig, nb::device::cpu>;
 
 Vec3 unit_vector(nb::handle value, const char *name) {
     const Vec3 vector = as_vector(value, name);
@@ -159,18 +159,29 @@ public:
         return tracer_->deposit_unit(source, unscattered);
     }
 
-    nb::dict run(const PhotonSource &source, Sums sums, Deviations deviations, std::uint64_t seed,
+    nb::dict run(const PhotonSource &source, Sums sums, Sums deviations,
+                 std::optional<Integers> higher, std::optional<Integers> wraps, std::uint64_t seed,
                  std::uint64_t pass, std::int64_t photons, bool unscattered, double radius,
                  bool deposits, int threads, Control *control) {
         const std::size_t voxels = shape_[0] * shape_[1] * shape_[2], each = colours(source);
-        const bool many = sums.ndim() == 3 && sums.shape(1) == 9;
-        const std::size_t moments = many ? 9 : 1;
-        if (shape_of(sums) != std::vector<std::size_t>{voxels, moments, each})
-            fail("sums has shape " + shape_text(shape_of(sums)) + "; expected " +
-                 shape_text({voxels, moments, each}) + " with 1 or 9 moments");
-        if (shape_of(deviations) != std::vector<std::size_t>{voxels, each})
-            fail("deviations has shape " + shape_text(shape_of(deviations)) + "; expected " +
-                 shape_text({voxels, each}));
+        const std::vector<std::size_t> plain{voxels, each}, moments{voxels, 8, each};
+        const auto require = [](const auto &array, const char *name,
+                                const std::vector<std::size_t> &shape) {
+            if (shape_of(array) != shape)
+                fail(std::string(name) + " has shape " + shape_text(shape_of(array)) +
+                     "; expected " + shape_text(shape));
+        };
+        require(sums, "sums", plain);
+        require(deviations, "deviations", plain);
+        if (higher.has_value() != wraps.has_value())
+            fail("higher and wraps are not given together; expected both or none");
+        PhotonSums sums_of{sums.data(), deviations.data()};
+        if (higher) {
+            require(*higher, "higher", moments);
+            require(*wraps, "wraps", moments);
+            sums_of.higher = higher->data();
+            sums_of.wraps = wraps->data();
+        }
         if (photons < 1 || photons > 100000000)
             fail("photons is " + std::to_string(photons) + "; expected 1 to 100000000");
         if (source.kind == Kind::emission && source.height != voxels)
@@ -180,7 +191,6 @@ public:
         pass_of.seed = seed;
         pass_of.pass = pass;
         pass_of.photons = std::size_t(photons);
-        pass_of.moments = moments;
         if (!(radius >= 0.0 && std::isfinite(radius)))
             fail("radius is " + std::to_string(radius) + "; expected 0 or more");
         pass_of.unscattered = unscattered;
@@ -191,7 +201,7 @@ public:
         PhotonTally tally;
         {
             const nb::gil_scoped_release release;
-            tally = tracer_->run(source, pass_of, {sums.data(), deviations.data()});
+            tally = tracer_->run(source, pass_of, sums_of);
         }
         const auto list = [&](const PhotonTally::Each &values) {
             nb::list result;
@@ -276,13 +286,15 @@ of length, at least, also in the void, for the kernel estimate.)")
         .def("deposit_unit", &Photons::deposit_unit, "source"_a, "unscattered"_a = false,
              "In-scattered radiance of one unit of `sums`, times the number of photons.")
         .def("run", &Photons::run, "source"_a, "sums"_a.noconvert(), "deviations"_a.noconvert(),
-             nb::kw_only(), "seed"_a, "pass_index"_a, "photons"_a, "unscattered"_a = false,
-             "radius"_a = 0.0, "deposits"_a = true, "threads"_a = 0, "control"_a = nb::none(),
+             "higher"_a.noconvert() = nb::none(), "wraps"_a.noconvert() = nb::none(), nb::kw_only(),
+             "seed"_a, "pass_index"_a, "photons"_a, "unscattered"_a = false, "radius"_a = 0.0,
+             "deposits"_a = true, "threads"_a = 0, "control"_a = nb::none(),
              R"(Traces one pass and adds it to the sums, whole or (when cancelled) not at all.
 
-sums: float32 [voxels, 1 or 9, colours], the track lengths of each voxel's box, times sqrt(4 pi) Y_lm
-of the directions to the source (l <= 2) where there are 9; deviations: float32 [voxels, colours],
-the squared deviations of each pass's first from their mean. `seed` and `pass_index` choose the
+sums: float32 [voxels, colours], the track lengths of each voxel's box; deviations: float32 of the
+same shape, the squared deviations of the passes from their mean. higher, wraps: None, or int32
+[voxels, 8, colours]: the track lengths times sqrt(4 pi) Y_lm of the directions to the source, l = 1
+and 2, are (higher + 2^32 wraps) * `higher_unit` in units of the sums. `seed` and `pass_index` choose the
 random numbers; `pass_index` is also how many passes the sums hold already. `unscattered`:
 light that comes straight from the source counts too. `radius`: 0, or that of the kernel estimate
 (world units): possible collisions within it of a voxel's centre, over the ball's volume and the
@@ -291,6 +303,7 @@ Returns exact integers of power for each colour, in units of `power_unit` over `
 missed + absorbed + roulette + given_up + sum of escaped (through the low and high face of each
 index axis); and the numbers of `scatterings`, and of `endless` photons, given up after the most
 scatterings that are followed, `most_scatterings`.)");
+    module.attr("higher_unit") = volillum::kHigherUnit;
     module.attr("most_scatterings") = volillum::kMostScatterings;
 
     module.def(

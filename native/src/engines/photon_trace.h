@@ -1,27 +1,9 @@
 // One photon's life: birth, collisions, scattering, roulette, deposits.
 #pragma once
 
-#include "photon_deposit.h"
-#include "photon_flights.h"
+#include "photon_write.h"
 
 namespace volillum {
-
-struct TraceContext {
-    const PhotonField *field;
-    const PhotonGeometry *geometry;
-    const PhotonEmitter *emitter;
-    std::uint64_t key;    // of this pass's random streams
-    bool unscattered;     // also the first flight is deposited
-    float inverse[3][3];  // world to index, linear part
-    bool tracks, points;  // what is deposited: track lengths, or possible collisions in balls
-    Ball ball;
-    float ball_scale;  // a deposit's units of weight 1 at majorant 1
-};
-
-struct TraceResult {
-    Deposits *deposits;
-    PhotonTally tally;
-};
 
 // Below this share of its first weight a photon plays roulette for that share. 1 is analogue: a
 // photon keeps its weight and is absorbed with probability 1 - albedo, which has the shortest
@@ -38,7 +20,7 @@ class Tracer {
 public:
     VOLILLUM_INLINE Tracer(const TraceContext &context, TraceResult &result)
         : context_(context), field_(*context.field), result_(result) {
-        scale_ = Deposits::unit / float(context.geometry->voxel_diagonal);
+        scale_ = context.sign * Deposits::unit / float(context.geometry->voxel_diagonal);
     }
 
     // Photons [first, last) of the pass.
@@ -69,6 +51,8 @@ public:
                 some.flights.fly(field_);
                 alive = true;
             }
+            if (result_.waiting.deposits.size() >= kMostWaiting || !alive)
+                write_deposits<Colours, Moments>(context_, result_);
         }
     }
 
@@ -342,42 +326,40 @@ private:
     VOLILLUM_INLINE void deposit(const Lane &lane, float end) {
         const Photon &photon = lane.photon;
         if (!photon.deposits || !context_.tracks) return;
-        float values[Moments * Colours];
-        weigh(photon, scale_, values);
-        Deposits &deposits = *result_.deposits;
-        walk_boxes(field_, photon.flight, end, [&](std::size_t voxel, float length) {
-            const std::size_t index = voxel * (Moments * Colours);
-            for (std::size_t i = 0; i < Moments * Colours; ++i)
-                deposits.add(index + i, values[i] * length);
-        });
+        const Flight &flight = photon.flight;
+        // Boxes [i, i + 1] in p = start - 1/2; what rounding could add is clipped when it is
+        // written.
+        const auto plane = [&](float way) {
+            const float p = flight.start[0] - 0.5f + way * flight.step[0];
+            return std::min(std::max(p, 0.0f), float(field_.shape[0] - 1));
+        };
+        const float one = plane(0.0f), two = plane(end);
+        wait(photon, flight.start, scale_, end, int(std::min(one, two)), int(std::max(one, two)));
     }
 
-    // What the photon brings to each moment and colour, times `scale`.
-    VOLILLUM_INLINE void weigh(const Photon &photon, float scale, float *values) {
-        for (int c = 0; c < Colours; ++c) values[c] = scale * photon.weight[c];
-        if constexpr (Moments > 1) {
-            float basis[Moments];
-            // Toward the source: against the flight.
-            harmonics(-photon.direction[0], -photon.direction[1], -photon.direction[2], basis);
-            for (int m = Moments - 1; m >= 0; --m)
-                for (int c = 0; c < Colours; ++c)
-                    values[m * Colours + c] = basis[m] * (scale * photon.weight[c]);
-        }
+    // Planes first to last of the first index are concerned.
+    VOLILLUM_INLINE void wait(const Photon &photon, const float *start, float scale, float end,
+                              int first, int last) {
+        Deposit some{photon.flight, end, {}, {}};
+        std::copy_n(start, 3, some.flight.start);
+        std::copy_n(photon.direction, 3, some.direction);
+        for (int c = 0; c < Colours; ++c) some.weight[c] = scale * photon.weight[c];
+        const Deposits &deposits = *context_.deposits;
+        result_.waiting.push(some, deposits.slab_of(first), deposits.slab_of(last));
     }
 
     // A possible collision stands for the light of 1 / majorant of path. Units are whole: they are
     // dithered, as one majorant's deposits are all alike.
     VOLILLUM_INLINE void spread(Lane &lane) {
         if (!context_.points || !lane.photon.deposits) return;
-        float values[Moments * Colours], q[3];
-        weigh(lane.photon, context_.ball_scale / lane.flights.majorant[lane.at], values);
+        const Photon &photon = lane.photon;
+        float q[3];
         for (int a = 0; a < 3; ++a) q[a] = lane.flights.q[a][lane.at];
         const float dither = unit_of(lane.random.next()) - 0.5f;
-        context_.ball.visit(field_, q, [&](std::size_t voxel) {
-            const std::size_t index = voxel * (Moments * Colours);
-            for (std::size_t i = 0; i < Moments * Colours; ++i)
-                result_.deposits->add(index + i, values[i] + dither);
-        });
+        const int first = context_.ball.lowest(q, 0), last = context_.ball.highest(field_, q, 0);
+        if (first > last) return;
+        const float scale = context_.sign * context_.ball_scale / lane.flights.majorant[lane.at];
+        wait(photon, q, scale, context_.sign * dither, first, last);
     }
 
     static VOLILLUM_INLINE std::int64_t fixed(float weight) {

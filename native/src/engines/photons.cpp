@@ -63,38 +63,37 @@ void add(PhotonTally &to, const PhotonTally &from) {
     to.endless += from.endless;
 }
 
-// Adds the threads' deposits of a pass to the sums, which hold `passes` already, and empties them.
-// Not cancelled half way. Squared deviations from the mean are updated as by Welford (1962): they
-// lose nothing to cancellation, so that float32 is enough, as it is for sums of up to a million
-// passes, each of which is an exact integer first.
-void fold(std::vector<Deposits> &deposits, std::size_t voxels, std::size_t width, std::size_t each,
-          std::uint64_t passes, int threads, const PhotonSums &result) {
+// Adds the deposits of a pass to the sums, which hold `passes` already, and empties them. Not
+// cancelled half way. Squared deviations from the mean are updated as by Welford (1962): they lose
+// nothing to cancellation, so that float32 is enough, as it is for sums of up to a million passes,
+// each of which is an exact integer first. The higher moments are there already, but for their
+// overflows.
+void fold(Deposits &deposits, std::size_t size, std::uint64_t passes, int threads,
+          const PhotonSums &result) {
     const double before = double(passes), share = before / (before + 1.0);
     std::vector<Deposits::Spill> spilled;
-    for (Deposits &some : deposits) {
-        spilled.insert(spilled.end(), some.spilled.begin(), some.spilled.end());
-        some.spilled.clear();
+    for (std::size_t i = 0; i < deposits.slab_count(); ++i) {
+        const Deposits::Slab &slab = deposits.slab(i);
+        spilled.insert(spilled.end(), slab.spilled.begin(), slab.spilled.end());
+        for (const auto &[index, wraps] : slab.higher_spilled) result.wraps[index] += wraps;
     }
+    deposits.clear_spills();
     std::sort(spilled.begin(), spilled.end());
-    const auto chunks = (voxels + kChunk - 1) / kChunk;
+    const auto chunks = (size + kChunk - 1) / kChunk;
     parallel_for(chunks, threads, nullptr, [&](std::size_t chunk, int) {
-        const std::size_t from = chunk * kChunk * width,
-                          to = std::min((chunk + 1) * kChunk, voxels) * width;
+        const std::size_t from = chunk * kChunk, to = std::min(from + kChunk, size);
         auto carry =
-            std::lower_bound(spilled.begin(), spilled.end(), Deposits::Spill(from, INT64_MIN));
+            std::lower_bound(spilled.begin(), spilled.end(), Deposits::Spill(from, INT32_MIN));
         for (std::size_t i = from; i < to; ++i) {
-            std::int64_t sum = 0;
-            for (Deposits &some : deposits) {
-                sum += some.values()[i];
-                some.values()[i] = 0;
-            }
-            for (; carry != spilled.end() && carry->first == i; ++carry) sum += carry->second;
+            std::int64_t sum = deposits.values()[i];
+            deposits.values()[i] = 0;
+            for (; carry != spilled.end() && carry->first == i; ++carry)
+                sum += std::int64_t(carry->second) * (std::int64_t(1) << 32);
             float &total = result.sums[i];
             if (sum == 0 && total == 0.0f) continue;
-            const std::size_t part = i % width;
-            if (part < each && passes > 0) {
+            if (passes > 0) {
                 const double off = double(sum) - double(total) / before;
-                result.deviations[i / width * each + part] += float(off * off * share);
+                result.deviations[i] += float(off * off * share);
             }
             total = float(double(total) + double(sum));
         }
@@ -107,7 +106,7 @@ struct PhotonTracer::Impl {
     PhotonGeometry geometry;
     PhotonField field;
     float inverse[3][3];
-    std::vector<Deposits> buffers;
+    Deposits deposits;  // zeros between passes
 
     Impl(const double *index_to_world, const Size3 &shape, const PhotonMedium &medium, double floor)
         : geometry(index_to_world, shape), field(geometry, medium, float(floor)) {
@@ -137,15 +136,6 @@ struct PhotonTracer::Impl {
             whole.high[a] = double(geometry.shape[a]) + 1.0;
         }
         return unscattered || field.empty ? whole : field.box;
-    }
-
-    // Buffers of zeros, kept between passes.
-    std::vector<Deposits> &scratch(std::size_t workers, std::size_t size) {
-        if (buffers.size() != workers || buffers.front().size() != size) {
-            buffers.clear();
-            for (std::size_t w = 0; w < workers; ++w) buffers.emplace_back(size);
-        }
-        return buffers;
     }
 
     TraceFunction function(std::size_t colours, std::size_t moments) const {
@@ -180,12 +170,14 @@ PhotonTally PhotonTracer::run(const PhotonSource &source, const PhotonRun &run,
                               const PhotonSums &result) {
     const PhotonField &field = impl_->field;
     const PhotonEmitter emitter(source, impl_->geometry, impl_->box(run.unscattered));
-    const std::size_t each = colours(source), width = each * run.moments;
+    const std::size_t each = colours(source);
     const std::size_t batches = (run.photons + kBatch - 1) / kBatch;
-    const TraceFunction trace = impl_->function(each, run.moments);
+    const TraceFunction trace = impl_->function(each, result.higher ? 9 : 1);
     const std::size_t workers =
         std::min<std::size_t>(std::size_t(thread_count(run.threads)), batches);
 
+    Deposits &deposits = impl_->deposits;
+    deposits.begin(impl_->geometry.shape[0], field.voxels * each, result.higher);
     TraceContext context{&field,
                          &impl_->geometry,
                          &emitter,
@@ -195,22 +187,35 @@ PhotonTally PhotonTracer::run(const PhotonSource &source, const PhotonRun &run,
                          run.deposits && run.radius == 0.0,
                          run.deposits && run.radius > 0.0,
                          {},
-                         0.0f};
+                         0.0f,
+                         &deposits,
+                         1.0f};
     std::copy_n(&impl_->inverse[0][0], 9, &context.inverse[0][0]);
     if (context.points) impl_->set_kernel(run.radius, context);
-    std::vector<Deposits> &deposits = impl_->scratch(workers, field.voxels * width);
     std::vector<TraceResult> results(workers);
-    for (std::size_t w = 0; w < workers; ++w) results[w].deposits = &deposits[w];
+    for (std::size_t w = 0; w < workers; ++w) {
+        results[w].first_slab = w * deposits.slab_count() / workers;
+        results[w].waiting.of_slab.resize(deposits.slab_count());
+    }
+    std::vector<char> done(batches);
+    const auto trace_batch = [&](std::size_t batch, int worker) {
+        trace(context, results[std::size_t(worker)], batch * kBatch,
+              std::min((batch + 1) * kBatch, run.photons));
+        done[batch] = true;
+    };
     try {
-        parallel_for(batches, int(workers), run.control, [&](std::size_t batch, int worker) {
-            trace(context, results[std::size_t(worker)], batch * kBatch,
-                  std::min((batch + 1) * kBatch, run.photons));
-        });
+        parallel_for(batches, int(workers), run.control, trace_batch);
     } catch (...) {
-        deposits.clear();
+        // Photons are the same again, and integers know no order.
+        context.sign = -1.0f;
+        const std::vector<char> traced = done;
+        parallel_for(batches, int(workers), nullptr, [&](std::size_t batch, int worker) {
+            if (traced[batch]) trace_batch(batch, worker);
+        });
+        deposits.clear_spills();
         throw;
     }
-    fold(deposits, field.voxels, width, each, run.pass, int(workers), result);
+    fold(deposits, field.voxels * each, run.pass, int(workers), result);
     PhotonTally tally;
     for (const TraceResult &some : results) add(tally, some.tally);
     return tally;
