@@ -121,6 +121,16 @@ def test_errors_go_on_in_a_line_with_the_spacing() -> None:
     assert continued([expected(0.3), expected(0.1)], [0.4, 0.2], 0.2)[0] == pytest.approx(0.1)
 
 
+def test_what_solves_the_whole_equation_has_no_error_that_stays() -> None:
+    runs = [expected(0.05, 0.002), expected(0.05, 0.002)]  # structure of a voxel's size on both
+    found = Continuation(64_000, whole=True)([1000, 8000], runs)
+    assert found.systematic == pytest.approx(0.05 * 2**-0.75)
+    assert found.noise == pytest.approx(0.002 * 2**-0.75)
+    assert Continuation(64_000)([1000, 8000], runs).systematic == pytest.approx(0.05)
+    # Not on a grid that is no finer.
+    assert Continuation(8000, whole=True)([1000, 8000], runs).systematic == pytest.approx(0.05)
+
+
 def test_chance_grows_on_finer_grids_by_its_own_power() -> None:
     coarse, fine = expected(0.03, chance=0.04), expected(0.03, chance=0.04 * 2**0.75)
     go_on = Continuation(64_000)

@@ -6,7 +6,8 @@ From bakes on two coarse grids of the same scene (coarse_run.py), with spacings 
               time to store as many bytes as there will be
     bytes     the channels' and the medium's, on as many voxels as there will be
     error     of the image against full scattering after the best-fitting exposure: what is the
-              same in every bake is continued linearly in h, what chance adds by its own power of h
+              same in every bake is continued linearly in h (to nothing where the model neglects
+              nothing), what chance adds by its own power of h
 
 Lengths that follow the grid (Model.resolve) are those of the real grid.
 """
@@ -30,6 +31,7 @@ from ..models.composition import GROUPS
 from ..models.illuminate import VOID_MARGIN, illuminate
 from ..models.model import Model, Value, Values
 from ..models.registry import MODELS, get
+from ..models.terms import terms
 from .coarse_run import Level, Run, baked_voxels, levels
 from .expected import Continuation, Expected, expected
 from .metrics import relative_noise
@@ -182,7 +184,10 @@ def _of_model(
     tried: list[tuple[Run, ...]] = []
     exposed: list[Expected] = []
     plain: list[Expected] = []
-    powers, after, before = Powers(), Continuation(voxels), Continuation(voxels)
+    equations = model.equations(scene, model.values({}))
+    whole = not any(term.differs for each in equations for term in terms(each.operator))
+    powers = Powers()
+    after, before = Continuation(voxels, whole), Continuation(voxels, whole)
     trimmed = scene.trimmed(VOID_MARGIN)
     for rung in model.ladder or ({},):
         if _is_not_worth_it(found, tried):
