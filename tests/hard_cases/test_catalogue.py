@@ -12,10 +12,11 @@ from refusals import LIMITS
 
 from volillum_addon.compare import hard_laws as laws
 from volillum_addon.compare import hard_page
-from volillum_addon.compare.hard_cases import Cell, examine
+from volillum_addon.compare.hard_cases import PAGE, Cell, examine, variation
 from volillum_addon.compare.hard_scenes import FOLDER, HardCase, Lamp, Matter, catalogue, read
 from volillum_addon.core.errors import InputError
 from volillum_addon.core.grid import Grid
+from volillum_addon.models.exact import Estimate
 from volillum_addon.models.model import Model
 from volillum_addon.models.registry import MODELS, models
 
@@ -138,6 +139,28 @@ def test_a_planted_fault_is_found(
     cell = examine(case, model)
     assert cell.status == "broken"
     assert re.search(law, cell.reason), cell.reason
+
+
+def test_means_over_voxels_may_differ_by_what_varies_within() -> None:
+    """Of a linear solution that is a quarter of what it changes by from voxel to voxel; and a mean
+    that is off by more than that and chance is found."""
+    grid = Grid(np.ones((4, 4, 4), np.float32), np.diag([2.0, 1, 1, 1]))
+    index = np.argwhere(grid.values > 0)
+    slope = np.array([3.0, 0.0, 0.0])
+
+    def judge(points: np.ndarray) -> Estimate:
+        return Estimate(points * slope, np.zeros(points.shape))
+
+    centres = judge(grid.to_world(index.astype(float))).value
+    # 3 a unit, 2 units a voxel, on one of three axes of which the RMS is taken.
+    assert variation(grid, index, centres, judge) == pytest.approx(3 * 2 / 4 / np.sqrt(3), rel=0.1)
+
+
+def test_a_biased_mean_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    (case,) = [each for each in CASES if each.id == "mirrored"]
+    model = faulty(MODELS["photon_mapping"], 1.2)
+    monkeypatch.setitem(MODELS, model.id, model)
+    assert "accurate" in examine(case, model, PAGE).reason
 
 
 def test_pages_show_what_was_found() -> None:

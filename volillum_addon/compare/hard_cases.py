@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..core.control import Cancelled, Control
 from ..core.errors import InputError
+from ..core.grid import Grid
 from ..core.lights import PointLight
 from ..core.native import native
 from ..core.scene import Scene
@@ -40,6 +41,8 @@ PATIENCE, LOOK = 60.0, 0.2
 THREADS = 3
 # How a grid complains of NaN and infinity.
 NOT_FINITE = "expected finite values"
+# Points of a voxel at which the judge sees how the solution varies within it.
+PLACES = 4
 # The judge's replicates: one t value of 7 degrees of freedom passes 8 in 1e-4 of cases, the RMS of
 # many passes 4 standard errors of its own far more rarely.
 CHANCE = 4.0
@@ -224,12 +227,19 @@ def _judged(
     operator, lights = model.operator(given), model.represented(scene)
     samples = max(FEWEST_RAYS, RAYS // cost(operator))
     closed = laws.conserved_radiance(operator, lights, volume.medium)
+    varies = 0.0
+
+    def judge(places: NDArray[np.float64]) -> Estimate:
+        return exact(scene, model.id, places, samples, 0, control, **dict[str, Any](given))
+
     try:
         if closed is not None:  # no walk needs to be followed
             everywhere = np.broadcast_to(closed, found.shape)[tuple(index.T)]
             truth = Estimate(everywhere, np.zeros(points.shape))
         else:
-            truth = exact(scene, model.id, points, samples, 0, control, **dict[str, Any](given))
+            truth = judge(points)
+            if model.averages:
+                varies = variation(grid, index, truth.value, judge)
     except InputError as refusal:
         return None, None, f"the judge cannot follow: {refusal}"
     picked = tuple(index.T)
@@ -239,9 +249,25 @@ def _judged(
     own = np.broadcast_to(laws.noise(volume), found.shape)[picked]
     error = laws.rms(baked - truth.value) / scale
     # At these voxels, or at all where chance made it small here.
-    estimate = 2 * max(laws.rms(off[picked]), laws.rms(off[compared])) / scale
+    estimate = (2 * max(laws.rms(off[picked]), laws.rms(off[compared])) + varies) / scale
     chance = CHANCE * math.hypot(laws.rms(truth.standard_error), laws.rms(own)) / scale
     return error, estimate + chance + laws.ROUNDING + truth.neglected, ""
+
+
+def variation(
+    grid: Grid,
+    index: NDArray[np.int64],
+    centres: NDArray[np.float64],
+    judge: Callable[[NDArray[np.float64]], Estimate],
+) -> float:
+    """RMS over voxels [n, 3] of the mean distance of the solution within each from that at its
+    centre, `centres` [n, 3]."""
+    random = np.random.default_rng(1)
+    away = np.zeros_like(centres)
+    for _ in range(PLACES):
+        places = index + random.uniform(-0.5, 0.5, index.shape)
+        away += np.abs(judge(grid.to_world(places)).value - centres) / PLACES
+    return laws.rms(away)
 
 
 def judged_voxels(

@@ -9,7 +9,10 @@ unoccluded, because a shadow may be of any depth:
     bound  2 RMS over all voxels of (baked - refined), and what chance adds: refined is the bake of
            the same trilinear field on a lattice of half the voxel size with the finest settings of
            the model's ladder. A method whose error at least halves in that step, as any of first
-           order or better does, has an error of at most twice the difference (Richardson).
+           order or better does, has an error of at most twice the difference (Richardson). A mean
+           over a voxel (Model.averages) does not come closer to the value at its centre where light
+           ends just there: it differs by at most the mean of what the exact solution differs by
+           within the voxel, and that is added.
 """
 
 from __future__ import annotations

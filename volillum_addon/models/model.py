@@ -76,6 +76,7 @@ class Model:
     those for a first look at some 64^3 voxels in a fraction of a second, where they are no rung of
     it (see `first_look`).
     `largest_g` is the largest |g| of a medium that it can serve.
+    `averages` tells that its values are means over voxels, not values at their centres.
     `lights` are the kinds of light that it represents; `rebake_on` the scene's parts whose change
     makes its channels stale.
     """
@@ -95,6 +96,7 @@ class Model:
     ladder: tuple[Values, ...] = ()
     quick: Values | None = None
     largest_g: float = LARGEST_G
+    averages: bool = False
     resolve: Callable[[Scene, Values], Values] | None = None
     remarks: Callable[[IlluminationVolume], tuple[str, ...]] = lambda volume: ()
 

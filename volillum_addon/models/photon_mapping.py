@@ -227,4 +227,5 @@ MODEL = Model(
     ladder=({"passes": 4}, {"passes": 16}, {"passes": 64}),
     quick=QUICK,
     largest_g=SHARPEST,
+    averages=True,
 )
