@@ -147,7 +147,7 @@ def foreseen(scenes: Sequence[Found]) -> list[str]:
             row = scene.rows.get(key(each))
             if row is None:
                 continue
-            if not row["is_bound"]:
+            if not row["is_bound"] and each.error > 0:  # 0: below the noise of foreseeing
                 errors.append(row["error"] / each.error)
             times.append(row["seconds"] / each.seconds)
     words = []
