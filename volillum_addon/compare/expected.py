@@ -71,10 +71,10 @@ class Continuation:
     rung before did.
 
     The systematic part is linear in the spacing h: what the model neglects stays, and the grid's
-    part falls. Where the model solves the `whole` equation nothing stays. Chance grows on finer grids, where as many
-    photons are shared out among more voxels: the variance of a voxel's mean goes as h^-2 (h^2 of
-    them cross it, each for a length h, over a volume h^3), that of a ray through many as h^-1. So
-    the RMS has a power of h between 0 and -1, which the two grids tell.
+    part falls. Where the model solves the `whole` equation nothing stays. Chance grows on finer
+    grids, where as many photons are shared out among more voxels: the variance of a voxel's mean
+    goes as h^-2 (h^2 of them cross it, each for a length h, over a volume h^3), that of a ray
+    through many as h^-1. So the RMS has a power of h between 0 and -1, which the two grids tell.
     """
 
     def __init__(self, voxels: int, whole: bool = False) -> None:
