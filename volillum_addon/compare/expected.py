@@ -15,8 +15,8 @@ from .metrics import Image, best_exposure, figure
 FURTHEST = 2.0
 # The power of h with which the error of a model falls that neglects nothing: between 1/2, of hard
 # edges that a voxel averages, and 1. From the finer coarse grid to the real one it was 0.63, 0.77
-# and 0.88 (engine, head and cloud of the gallery). Two coarse grids do not tell it: averaging leaves
-# structure of a voxel's size on both.
+# and 0.88 (engine, head and cloud of the gallery). Two coarse grids do not tell it: averaging
+# leaves structure of a voxel's size on both.
 SOLVED_POWER = 0.75
 
 
