@@ -245,3 +245,45 @@ def test_a_composition_plays_in_sync(scene: bpy.types.Scene, tmp_path: Path) -> 
         showing.show(scene, path)
         alone = image(scene, tmp_path, frame)
         np.testing.assert_allclose(played[frame], alone, rtol=1e-5, atol=1e-6 * alone.max())
+
+
+def test_a_volume_that_moves_is_followed_while_its_bake_is_shown(scene: bpy.types.Scene) -> None:
+    """It is hidden then, as are a light and a camera that the user does not care to see."""
+    volume, sun = placed(scene, "VOLUME"), placed(scene, "LIGHT")
+    turn_sun(scene)
+    for frame in (2, 4):
+        volume.location[0] = frame
+        volume.keyframe_insert("location", frame=frame)
+    assert bpy.ops.volillum.bake() == {"FINISHED"}
+    assert bpy.ops.volillum.show() == {"FINISHED"}
+    sun.hide_viewport = scene.camera.hide_viewport = True
+    assert volume.hide_viewport
+    paths = bake(scene)
+    origins = [read_vdb(path).medium.sigma_t.index_to_world[0, 3] for path in paths]
+    np.testing.assert_allclose(np.diff(origins), 1, rtol=1e-5)
+    assert len({read_metadata(path)["inputs"]["light direction"] for path in paths}) == 3
+    assert volume.hide_viewport
+    assert sun.hide_viewport
+    assert scene.camera.hide_viewport
+
+
+def test_a_hidden_volume_that_was_moved_makes_its_bake_stale(scene: bpy.types.Scene) -> None:
+    volume = placed(scene, "VOLUME")
+    holder = bpy.data.objects.new("holder", None)
+    scene.collection.objects.link(holder)
+    volume.parent = holder
+    scene.view_layers[0].update()
+    bpy.ops.volillum.bake()
+    bpy.ops.volillum.show()
+    assert staleness.changes(scene, volume) == ()
+    for moved in (volume, holder):
+        before = moved.location.copy()
+        moved.location[1] += 0.5
+        scene.view_layers[0].update()
+        assert staleness.changes(scene, volume) == ("the volume's place has changed",)
+        bpy.ops.volillum.bake()
+        assert staleness.changes(scene, volume) == ()
+        moved.location = before
+        scene.view_layers[0].update()
+        assert staleness.changes(scene, volume) == ("the volume's place has changed",)
+        bpy.ops.volillum.bake()

@@ -318,3 +318,18 @@ def test_photons_of_a_first_look_end_by_time(
     settle(followed)
     assert math.isinf(float(read_vdb(shown_file(scene)).parameters["seconds"]))
     assert_shown_as_show_would(scene)
+
+
+def test_a_volume_that_moves_is_followed_though_it_is_hidden(
+    scene: bpy.types.Scene, followed: live.Live, bakes: list[str]
+) -> None:
+    settle(followed)
+    volume = placed(scene, "VOLUME")
+    assert volume.hide_viewport
+    before = read_vdb(shown_file(scene)).medium.sigma_t.index_to_world
+    volume.location[1] += 0.5
+    settle(followed)
+    after = read_vdb(shown_file(scene)).medium.sigma_t.index_to_world
+    np.testing.assert_allclose(after[:3, 3] - before[:3, 3], (0, 0.5, 0), atol=1e-5)
+    assert bakes == ["coarse", "full"] * 2
+    assert_shown_as_show_would(scene)

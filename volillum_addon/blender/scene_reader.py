@@ -15,7 +15,7 @@ from ..core.errors import InputError
 from ..core.grid import Grid
 from ..core.scene import Scene
 from .camera_reader import image_size, read_camera
-from .light_reader import read_lights, rendered_objects
+from .light_reader import light_objects, read_lights, rendered_objects
 from .medium_reader import MediumSettings, read_medium, volume_material
 
 DENSITY = "density"
@@ -45,6 +45,7 @@ def read_scene(
     """
     scene.view_layers[0].update()
     placed = volume_object or _only_volume(scene)
+    evaluate(scene, placed)
     path = volume_path(placed)
     matrix = np.array(placed.matrix_world, dtype=np.float64)
 
@@ -82,6 +83,21 @@ def read_scene(
         height=height,
         notes=notes,
     )
+
+
+def evaluate(scene: bpy.types.Scene, volume: bpy.types.Object) -> None:
+    """Bring the volume, lights and camera to the current frame, also where viewports do not show
+    them (the volume makes room for its bake): what they hide, Blender does not evaluate."""
+    wanted = {volume, *light_objects(scene), *filter(None, [scene.camera])}
+    hidden = [each for each in wanted if each.hide_viewport]
+    for each in hidden:
+        each.hide_viewport = False
+        each.update_tag(refresh={"OBJECT", "TIME"})
+    try:
+        scene.view_layers[0].update()
+    finally:
+        for each in hidden:
+            each.hide_viewport = True
 
 
 def read_scene_camera(scene: bpy.types.Scene) -> Camera | None:

@@ -40,15 +40,26 @@ def source(settings: Any, volume: bpy.types.Object) -> dict[str, str]:
         file = [path.name, state.st_size, state.st_mtime_ns]  # wherever it has been moved
     except OSError:
         file = [path.name]
-    place = [list(row) for row in volume.matrix_world]
     # Loading what is loaded costs nothing.
     frame = data.grids.frame_filepath if data.is_sequence and data.grids.load() else ""
     return {
         STILL: _digest([*file, settings.density_grid]),
         "the frame of the volume's sequence": Path(frame).name,
-        "the volume's place": _digest([*place, data.render.space]),
+        "the volume's place": _digest([*_place(volume), data.render.space]),
         "the volume's material": _digest(_coefficients(settings, volume)),
     }
+
+
+def _place(volume: bpy.types.Object) -> list[list[list[float]]]:
+    """What the object's matrix_world comes from: of one that is hidden Blender leaves the matrix as
+    it was."""
+    found = [volume.matrix_basis]
+    parent = volume.parent
+    if parent is not None:
+        found += [volume.matrix_parent_inverse, parent.matrix_world]
+    if volume.constraints or (parent is not None and volume.parent_type != "OBJECT"):
+        found.append(volume.matrix_world)
+    return [[list(row) for row in matrix] for matrix in found]
 
 
 def changes(scene: bpy.types.Scene, volume: bpy.types.Object | None) -> tuple[str, ...]:

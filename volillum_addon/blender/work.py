@@ -21,7 +21,7 @@ from . import scene_presets, stage, staleness
 from .medium_reader import MediumSettings
 from .places import relative
 from .properties import chosen_model, model_values
-from .scene_reader import Reading, read_scene, volume_path
+from .scene_reader import Reading, evaluate, read_scene, volume_path
 
 # What a kept bake is, apart from how it is shown now.
 BAKE = ("path", "frames", "model", "seconds", "found", "notes", "source")
@@ -135,6 +135,7 @@ def noted_source(scene: bpy.types.Scene) -> dict[str, str]:
     volume = chosen_volume(scene)
     if volume is None:
         raise InputError(f"scene {scene.name!r} names no volume; expected one volume object")
+    evaluate(scene, volume)
     return staleness.source(scene.volillum, volume)
 
 
