@@ -55,11 +55,16 @@ def test_one_kind_of_light_has_one_model(scene: bpy.types.Scene) -> None:
 
 def test_the_menus_write_the_text_and_show_it(scene: bpy.types.Scene) -> None:
     settings = scene.volillum
-    settings.model = "half_angle"  # knows no sky: it gets the first model that does
+    settings.model = "half_angle"  # knows no sky: it gets a model that does, without the camera
     settings.by_light = True
-    assert settings.sun_model == "half_angle"
-    assert settings.composition == f"sun=half_angle,sky={settings.sky_model}"
+    assert settings.composition == "sun=half_angle,sky=spherical_harmonics"
+    assert (settings.sun_model, settings.sky_model) == ("half_angle", "spherical_harmonics")
+    settings.by_light = False
+    settings.model = "directional_occlusion"  # knows both, and is kept
+    settings.by_light = True
+    assert settings.composition == "sun=directional_occlusion,sky=directional_occlusion"
     settings.sky_model = "spherical_harmonics"
+    settings.model = "half_angle"
     settings.sun_model = "shadow_propagation"
     assert settings.composition == "sun=shadow_propagation,sky=spherical_harmonics"
     assert chosen_model(settings) == settings.composition

@@ -179,6 +179,7 @@ def test_a_sequence_is_known_by_its_numbers(empty: bpy.types.Scene, tmp_path: Pa
         write_plume(tmp_path / f"plume_{frame:04d}.vdb")
     item = imported(empty, tmp_path / "plume_0004.vdb")
     assert item.data.is_sequence
+    assert item.name == "plume"
     assert (item.data.frame_start, item.data.frame_duration) == (3, 3)
     empty.frame_set(5)
     with bpy.context.temp_override(scene=empty):

@@ -67,11 +67,13 @@ def _write(settings: Any, assignments: dict[str, str]) -> None:
 
 
 def _begun(settings: Any) -> dict[str, str]:
-    """What a composition begins with: the one model, where it knows the light."""
+    """What a composition begins with: the one model, where it knows the light; else one that does,
+    if possible from everywhere and not only from the camera."""
     found = {}
     for group in groups(settings):
-        known = [model.id for model in choices(group)]
-        found[group] = settings.model if settings.model in known else known[0]
+        known = sorted(choices(group), key=lambda model: "camera" in model.rebake_on)
+        ids = [model.id for model in known]
+        found[group] = settings.model if settings.model in ids else ids[0]
     return found
 
 
@@ -117,7 +119,7 @@ def _menu(group: str) -> Any:
 
 PROPERTIES: dict[str, Any] = {
     "by_light": bpy.props.BoolProperty(
-        name="Each kind of light its own",
+        name="By kind of light",
         description="One model for suns, one for lamps, one for the sky, whose light adds up",
         get=_is_on,
         set=_switch,

@@ -48,9 +48,7 @@ class Source:
     @property
     def stem(self) -> str:
         """What the volume is called by."""
-        if not self.frames:
-            return stem_of(self.path)
-        return (_sequence_stem(self.path) or "").rstrip("._-") or "frames"
+        return _sequence_name(self.path) if self.frames else stem_of(self.path)
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,8 +181,9 @@ def add_volume(scene: bpy.types.Scene, name: str, path: Path) -> bpy.types.Objec
 def add_vdb(scene: bpy.types.Scene, path: Path, alone: bool = False) -> bpy.types.Object:
     """A volume object of a VDB file as it is; unless it is to be `alone`, of the sequence that it
     belongs to."""
-    item = add_volume(scene, _sequence_stem(path) or path.stem, path)
     frames = [] if alone else sequence_frames(path)
+    name = _sequence_name(path) if len(frames) > 1 else path.stem
+    item = add_volume(scene, name, path)
     if len(frames) > 1:
         _play(item.data, frames)
         item.data.filepath = relative(_frame_path(path, frames[0]))
@@ -212,6 +211,11 @@ def sequence_frames(path: Path) -> list[int]:
     while last + 1 in there:
         last += 1
     return list(range(first, last + 1))
+
+
+def _sequence_name(path: Path) -> str:
+    """What a sequence is called by: what its files have in common."""
+    return (_sequence_stem(path) or "").rstrip("._-") or path.parent.name or "frames"
 
 
 def _sequence_stem(path: Path) -> str | None:
