@@ -159,6 +159,22 @@ def test_a_turned_sun_bakes_again_and_leaves_one_file(
     assert list(Path(scene.volillum.directory).iterdir()) == [shown_file(scene)]
 
 
+def test_the_other_bake_stays_the_one_before_live(
+    scene: bpy.types.Scene, followed: live.Live
+) -> None:
+    scene.volillum.model = "spherical_harmonics"
+    assert bpy.ops.volillum.bake() == {"FINISHED"}
+    before = scene.volillum.baked.path
+    scene.volillum.model = "multidirectional_occlusion"
+    settle(followed)
+    for angle in (0.3, 0.5):
+        placed(scene, "LIGHT").rotation_euler[0] += angle
+        settle(followed)
+    assert scene.volillum.other.path == before
+    assert bpy.ops.volillum.swap() == {"FINISHED"}
+    assert str(shown_file(scene)) == before
+
+
 def test_the_camera_moves_only_what_sees_it(
     scene: bpy.types.Scene, followed: live.Live, bakes: list[str]
 ) -> None:

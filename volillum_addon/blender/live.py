@@ -199,7 +199,10 @@ class Live:
         source = work.chosen_volume(scene)
         showing.step_aside(scene, source, "BAKE", showing.NO_NOISE)
         if result.baked is not None and source is not None:
-            work.keep(scene, result.baked, staleness.source(settings, source))
+            gone = self._replaced(result)
+            # A/B must not switch to a file that goes.
+            aside = gone is None or settings.baked.path != relative(gone)
+            work.keep(scene, result.baked, staleness.source(settings, source), aside)
         self._forget(result)
         self._shown = result
         self._lighting = self._lights(scene)
@@ -238,10 +241,16 @@ class Live:
             self._shown.path.unlink(missing_ok=True)
         if after.baked is None:
             return
-        before, self._full = self._full, after
-        made_here = before is not None and before.baked is not None and not before.baked.found
-        if before is not None and made_here and before.path != after.path:
-            before.path.unlink(missing_ok=True)
+        gone, self._full = self._replaced(after), after
+        if gone is not None:
+            gone.unlink(missing_ok=True)
+
+    def _replaced(self, after: Result) -> Path | None:
+        """The file of the last full bake, where it was made here and goes when `after` is there."""
+        before = self._full
+        if before is None or before.baked is None or before.baked.found:
+            return None
+        return before.path if before.path != after.path else None
 
     def _drop_job(self) -> None:
         if self._job is not None:

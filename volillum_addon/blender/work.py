@@ -88,11 +88,14 @@ def bake_all(
     return Bakes(tuple(done), tuple(refused))
 
 
-def keep(scene: bpy.types.Scene, baked: Baked, source: Mapping[str, str]) -> str:
-    """Note the bake in the scene's settings and return the line to say about it."""
+def keep(
+    scene: bpy.types.Scene, baked: Baked, source: Mapping[str, str], aside: bool = True
+) -> str:
+    """Note the bake in the scene's settings and return the line to say about it. The last one is
+    set `aside` for A/B, if it is another one."""
     kept = scene.volillum.baked
     path = relative(baked.path)
-    if kept.path != path:
+    if aside and kept.path != path:
         set_aside(scene)
     kept.frames = 0
     kept.path = path
