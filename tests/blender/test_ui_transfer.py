@@ -4,7 +4,7 @@ makes the medium, the panel shows the histogram."""
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -161,7 +161,6 @@ def test_the_panel_shows_the_ramp_and_the_histogram(scene: bpy.types.Scene) -> N
 
 
 def test_the_shipped_presets_are_in_blenders_menu(scene: bpy.types.Scene) -> None:
-    layout = RecordingLayout()
     kind = transfer_operators.VOLILLUM_MT_transfer_presets
     found = {
         Path(folder) / name
@@ -172,7 +171,31 @@ def test_the_shipped_presets_are_in_blenders_menu(scene: bpy.types.Scene) -> Non
     skin = next(path for path in found if path.stem == "ct_skin")
     assert bpy.ops.volillum.load_transfer(filepath=str(skin)) == {"FINISHED"}
     assert transfer.read(material(scene)).per_voxel == pytest.approx(1.2)
-    del layout
+    assert kind.bl_label == "CT skin"
+
+
+def test_the_presets_are_called_as_people_write(monkeypatch: pytest.MonkeyPatch) -> None:
+    kind = transfer_operators.VOLILLUM_MT_transfer_presets
+    names: dict[str, str] = {}
+
+    def path_menu(folders: list[str], operator: str, **given: Callable[[str], str]) -> None:
+        assert operator == "volillum.load_transfer"
+        for path in (path for folder in folders for path in Path(folder).iterdir()):
+            if given["filter_ext"](path.suffix):
+                names[path.stem] = given["display_name"](str(path))
+
+    kind.draw(
+        SimpleNamespace(
+            path_menu=path_menu,
+            preset_subdir=kind.preset_subdir,
+            preset_operator=kind.preset_operator,
+            preset_extensions=kind.preset_extensions,
+        ),
+        bpy.context,
+    )
+    assert set(names) >= set(transfer_presets.names())
+    assert (names["ct_bone"], names["mri"], names["smoke"]) == ("CT bone", "MRI", "Smoke")
+    assert transfer_operators.preset_name("My_brain.py") == "My brain"
 
 
 def test_a_preset_is_saved_shared_and_loaded(

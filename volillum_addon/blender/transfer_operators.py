@@ -22,6 +22,8 @@ from .places import output_directory, relative
 
 # In Blender's own presets folder, and in the extension's.
 PRESET_FOLDER = "transfer_functions"
+# Words of presets' names that are written in capitals.
+ABBREVIATIONS = {"ct", "mri"}
 
 
 def _material(context: bpy.types.Context) -> bpy.types.Material:
@@ -125,7 +127,7 @@ class VOLILLUM_OT_load_transfer(modal.InstantOperator, bpy.types.Operator):
         else:
             # Saved by Blender's preset system: a script that sets the text.
             transfer.from_preset(material, saved(path))
-        VOLILLUM_MT_transfer_presets.bl_label = bpy.path.display_name(path.stem)
+        VOLILLUM_MT_transfer_presets.bl_label = preset_name(str(path))
         return ""
 
 
@@ -151,7 +153,23 @@ class VOLILLUM_MT_transfer_presets(bpy.types.Menu):
     preset_subdir = PRESET_FOLDER
     preset_operator = "volillum.load_transfer"
     preset_extensions = {".json", ".py"}  # noqa: RUF012
-    draw = bpy.types.Menu.draw_preset
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """As Blender's own menus of presets, with other names."""
+        self.path_menu(
+            bpy.utils.preset_paths(self.preset_subdir),
+            self.preset_operator,
+            filter_ext=lambda suffix: suffix.lower() in self.preset_extensions,
+            display_name=preset_name,
+        )
+
+
+def preset_name(path: str) -> str:
+    """What a preset is called in the menu: `CT bone` for ct_bone.json."""
+    words = bpy.path.display_name(Path(path).stem, title_case=False).split()
+    words = [word.upper() if word.lower() in ABBREVIATIONS else word for word in words]
+    name = " ".join(words)
+    return name[:1].upper() + name[1:]
 
 
 # What a saved preset sets.
