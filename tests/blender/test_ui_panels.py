@@ -125,6 +125,20 @@ def test_a_running_job_shows_its_progress(
     assert "volillum.compare" in draw(compare_panel.VOLILLUM_PT_compare, scene).operators()
 
 
+def test_a_file_that_is_read_shows_its_progress(
+    scene: bpy.types.Scene,
+    monkeypatch: pytest.MonkeyPatch,
+    start_job: Callable[[Work[Any]], Job[Any]],
+) -> None:
+    assert "progress" not in [name for name, _ in draw(panels.VOLILLUM_PT_volume, scene).log]
+    job = start_job(Work(lambda _control: None, lambda _result: ""))
+    job.label = "Import volume"
+    monkeypatch.setattr(modal, "_current", job)
+    layout = draw(panels.VOLILLUM_PT_volume, scene)
+    assert [name for name, _ in layout.log if name == "progress"] == ["progress"]
+    assert "volillum.cancel" in layout.operators()
+
+
 def test_lights_that_changed_are_to_be_shown_anew(scene: bpy.types.Scene) -> None:
     settings = scene.volillum
     settings.model = "spherical_harmonics"

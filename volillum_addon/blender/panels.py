@@ -12,7 +12,7 @@ from . import composing, exhibit_state, live_session, staleness, work, wrap
 from .medium_reader import volume_material
 from .outline import outline
 from .properties import chosen_model, parameter_groups
-from .sidebar import Sidebar, column, lines, progress_or_button, stale
+from .sidebar import Sidebar, column, lines, progress, progress_or_button, stale
 
 
 class VOLILLUM_PT_volume(Sidebar, bpy.types.Panel):
@@ -25,6 +25,7 @@ class VOLILLUM_PT_volume(Sidebar, bpy.types.Panel):
         layout = column(self.layout)
         settings = context.scene.volillum
         volume = work.chosen_volume(context.scene)
+        progress(layout, "volillum.import_volume")
         layout.prop(settings, "volume")
         if volume is None:
             layout.label(text="Choose the volume to light", icon="INFO")

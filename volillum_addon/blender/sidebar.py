@@ -32,22 +32,28 @@ def progress_or_button(
     layout: bpy.types.UILayout, operator: str, icon: str, scale: float = BUTTON_SCALE
 ) -> None:
     """The button, or how far its job is; other jobs only block it."""
+    if progress(layout, operator, scale):
+        return
+    row = layout.row()
+    row.enabled = modal.current() is None
+    row.scale_y = scale
+    # From a panel's button `invoke` runs: beside the user's work.
+    row.operator(operator, icon=icon)
+
+
+def progress(layout: bpy.types.UILayout, operator: str, scale: float = BUTTON_SCALE) -> bool:
+    """How far the operator's job is, and its Cancel; whether there is one."""
     job = modal.current()
     title = bpy.ops
     for part in operator.split("."):
         title = getattr(title, part)
-    label = title.get_rna_type().name
-    if job is None or job.label != label:
-        row = layout.row()
-        row.enabled = job is None
-        row.scale_y = scale
-        # From a panel's button `invoke` runs: beside the user's work.
-        row.operator(operator, icon=icon)
-        return
+    if job is None or job.label != title.get_rna_type().name:
+        return False
     row = layout.row(align=True)
     row.scale_y = scale
     row.progress(factor=min(max(job.control.fraction, 0.0), 1.0), text=job.progress)
     row.operator("volillum.cancel", text="", icon="X")
+    return True
 
 
 def stale(layout: bpy.types.UILayout, title: str, changes: Sequence[str], room: float) -> None:
