@@ -12,7 +12,7 @@ import pytest
 from recording_layout import RecordingLayout
 
 from volillum_addon.bake.vdb import read_metadata
-from volillum_addon.blender import panels, work
+from volillum_addon.blender import panels, side_by_side, work
 from volillum_addon.blender.placing import lattice_corners
 from volillum_addon.blender.render import render_image, set_cycles
 from volillum_addon.models.registry import MODELS
@@ -47,7 +47,8 @@ def test_all_models_stand_in_a_row_with_their_names(scene: bpy.types.Scene, tmp_
     assert row is not None
     shown = [each for each in row.objects if each.type == "VOLUME"]
     names = [each.data.body for each in row.objects if each.type == "FONT"]
-    assert names == [model.label for model in MODELS.values()]
+    assert [" ".join(name.split()) for name in names] == [each.label for each in MODELS.values()]
+    assert max(len(line) for name in names for line in name.split("\n")) <= side_by_side.LETTERS
     assert volumes(scene) == shown
     assert source.hide_render
     right = np.array(scene.camera.matrix_world)[:3, 0]

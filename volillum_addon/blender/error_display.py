@@ -19,7 +19,9 @@ from .sandbox import load_volume
 SCHEME = ("#0571b0", "#92c5de", "#f7f7f7", "#f4a582", "#ca0020")
 # A legend's bar, in widths of a volume: how high, how far below the volume, and its text; the title
 # in shares of that.
-BAR, BELOW, TEXT, TITLE = 0.05, 0.4, 0.055, 0.6
+BAR, BELOW, TEXT, TITLE = 0.05, 0.45, 0.055, 0.9
+# How wide the title is, in widths of the bar.
+TITLE_WIDTH = 1.2
 # Where along the legend its bar's attribute runs from 0 to 1.
 ALONG = "along"
 
@@ -69,8 +71,8 @@ def legend(place: Place, limit: float, noise: float, size: float = 1.0) -> list[
     percent = f"{100 * limit:.3g} %"
     numbers = ((f"-{percent}", -0.5), ("0", 0.0), (f"+{percent}", 0.5))
     title = (
-        "In-scattered radiance against full scattering, relative to its RMS "
-        f"(noise {100 * noise:.2g} %)"
+        "In-scattered radiance against full scattering,\n"
+        f"relative to its RMS (noise {100 * noise:.2g} %)"
     )
     return [
         _bar(place, size, top, high),
@@ -80,6 +82,11 @@ def legend(place: Place, limit: float, noise: float, size: float = 1.0) -> list[
         ),
         write(title, TITLE * text * place.width, place.point(0, top - high - 2 * text), place),
     ]
+
+
+def legend_end(size: float) -> float:
+    """How far below the volume a legend ends, in widths of a volume."""
+    return BELOW + (BAR + 3.5 * TEXT) * size
 
 
 def summary(found: Sequence[FieldError]) -> str:

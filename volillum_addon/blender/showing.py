@@ -9,7 +9,7 @@ import bpy
 
 from ..compare.bounces import bounce_limit
 from ..core.errors import InputError
-from . import stage, staleness, work
+from . import framing, stage, staleness, work
 from .display import show_bake
 from .display_frames import show_frames
 from .medium_builder import plain_material
@@ -124,6 +124,7 @@ def clear(scene: bpy.types.Scene) -> None:
         return
     for each in list(exhibit.objects):
         discard(each)
+    framing.unframe(scene, exhibit)
     bpy.data.collections.remove(exhibit)
 
 

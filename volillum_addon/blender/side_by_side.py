@@ -3,6 +3,7 @@ in turn."""
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -14,16 +15,18 @@ from ..bake.run import Baked
 from ..bake.vdb import read_metadata
 from ..core.errors import InputError
 from ..models.registry import get
-from . import showing, work
+from . import framing, showing, work
 from .display import show_bake
-from .error_display import error_object, legend
+from .error_display import TITLE_WIDTH, error_object, legend, legend_end
 from .places import baked_file
-from .placing import lattice_corners, place_of, write
+from .placing import Place, lattice_corners, place_of, write
 
 # Between two volumes, and the height of a name, as shares of a volume's extent across the row.
-GAP, NAME = 0.12, 0.09
-# As many letters of a name's line fit below a volume.
-LETTERS = 27
+GAP, NAME = 0.12, 0.125
+# As many letters of a name's line fit below a volume, and so many lines of that height.
+LETTERS, LINES = 18, 2
+# The first line's foot, and all lines', below the volumes.
+FOOT, NAMES = 1.3 * NAME, (0.5 + LINES) * NAME
 # How many volumes wide the legend below a row is.
 LEGEND = 3
 
@@ -36,7 +39,9 @@ def arrange(scene: bpy.types.Scene, bakes: Sequence[Baked]) -> bpy.types.Collect
     it sees from its own place.
     """
     files = [(each.model, each.path) for each in bakes]
-    return _row(scene, files, "ROW", lambda index, row: show_bake(bakes[index].path, scene, row))
+    row = _row(scene, files, "ROW", lambda index, row: show_bake(bakes[index].path, scene, row))
+    framing.frame(scene, row, _place(scene, bakes), _width(len(bakes)), NAMES)
+    return row
 
 
 def arrange_errors(
@@ -52,11 +57,27 @@ def arrange_errors(
         return shown
 
     row = _row(scene, files, "ERROR", add)
-    place = place_of(scene, lattice_corners(read_metadata(bakes[0].path)))
-    size = min(len(bakes), LEGEND)
+    place, size = _place(scene, bakes), min(len(bakes), LEGEND)
     for each in legend(place, limit, max(error.noise for error in errors), size):
         row.objects.link(each)
+    width = max(_width(len(bakes)), TITLE_WIDTH * size)
+    framing.frame(scene, row, place, width, legend_end(size))
     return row
+
+
+def _place(scene: bpy.types.Scene, bakes: Sequence[Baked]) -> Place:
+    return place_of(scene, lattice_corners(read_metadata(bakes[0].path)))
+
+
+def _width(count: int) -> float:
+    """How many volumes wide a row of so many is."""
+    return count + (count - 1) * GAP
+
+
+def _lines(label: str) -> list[str]:
+    """The label in lines that fit below a volume."""
+    parts = label.replace(", ", ",\n").split("\n")
+    return [line for part in parts for line in textwrap.wrap(part, LETTERS)]
 
 
 def _row(
@@ -75,11 +96,12 @@ def _row(
         for index, (model, _) in enumerate(files):
             along = (index - (len(files) - 1) / 2) * (1 + GAP)
             add(index, row).location = along * place.width * place.turn[:, 0]
-            below = -place.height / place.width / 2 - 2 * NAME
-            label = get(model).label.replace(", ", ",\n")
-            longest = max(map(len, label.split("\n")))
-            size = NAME * place.width * min(1, LETTERS / longest)
-            row.objects.link(write(label, size, place.point(along, below), place))
+            below = -place.height / place.width / 2 - FOOT
+            label = _lines(get(model).label)
+            share = min(1, LETTERS / max(map(len, label)), LINES / len(label))
+            name = write("\n".join(label), share * NAME * place.width,
+                         place.point(along, below), place)  # fmt: skip
+            row.objects.link(name)
     except BaseException:
         showing.hide(scene)
         raise
