@@ -10,8 +10,23 @@ from pathlib import Path
 import pytest
 from window.system import System
 
+# The functions of scenarios/*.py.
+SCENARIOS = (
+    "baking.baking",
+    "baking.undo_and_reload",
+    "comparing.comparing",
+    "comparing.errors",
+    "lighting.live",
+    "opening.cancelling",
+    "opening.choosing",
+    "opening.importing",
+    "showing.rendering",
+    "showing.side_by_side",
+    "showing.switching",
+)
 
-@pytest.mark.parametrize("scenario", ["baking", "comparing", "undo_and_reload", "importing"])
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
 def test_by_hand(system: System, pictures: Path, scenario: str) -> None:
     done = system.window("--python", "/volillum/tests/session.py", "--", scenario, sys.executable)
     for picture in system.work.glob("*.png"):
