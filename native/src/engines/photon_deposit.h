@@ -23,7 +23,7 @@ struct Deposit {
 
 // The deposits of one pass in 32-bit integers, so that they depend on no order: the zeroth moments,
 // and the others of all passes. Overflows are rare and listed. All threads write here, one at a
-// time in a slab of planes of the first index.
+// time in a slab of planes across the longest index axis.
 class Deposits {
 public:
     // A voxel diagonal at weight 1 is this many units: rounding costs 1e-6 of it, and a voxel
@@ -41,14 +41,19 @@ public:
     };
 
     // `higher_sums` [voxels][8][colours], or null.
-    void begin(std::size_t planes, std::size_t size, std::int32_t *higher_sums);
+    void begin(const std::array<int, 3> &shape, std::size_t size, std::int32_t *higher_sums);
+    int axis() const { return axis_; }
     int slab_of(int plane) const { return plane / planes_per_slab; }
     std::size_t slab_count() const { return slabs_.size(); }
     Slab &slab(std::size_t number) { return slabs_[number]; }
     std::int32_t *values() { return values_.data(); }
     std::int32_t *higher_sums() { return higher_sums_; }
-    // Forgets what was spilled.
-    void clear_spills() {
+    // The pass, but for the higher moments.
+    void forget() {
+        std::fill(values_.begin(), values_.end(), 0);
+        forget_spills();
+    }
+    void forget_spills() {
         for (Slab &slab : slabs_) {
             slab.spilled.clear();
             slab.higher_spilled.clear();
@@ -94,18 +99,22 @@ private:
         spilled.emplace_back(index, added > 0 ? 1 : -1);
     }
 
+    int axis_ = 0;
     std::vector<Slab> slabs_;
     std::vector<std::int32_t> values_;
     std::int32_t *higher_sums_ = nullptr;
 };
 
-inline void Deposits::begin(std::size_t planes, std::size_t size, std::int32_t *higher_sums) {
-    const std::size_t count = (planes + planes_per_slab - 1) / planes_per_slab;
+inline void Deposits::begin(const std::array<int, 3> &shape, std::size_t size,
+                            std::int32_t *higher_sums) {
+    axis_ = int(std::max_element(shape.begin(), shape.end()) - shape.begin());
+    const int planes = shape[std::size_t(axis_)];
+    const std::size_t count = std::size_t((planes - 1) / planes_per_slab + 1);
     if (slabs_.size() != count) {
         slabs_ = std::vector<Slab>(count);
         for (std::size_t i = 0; i < count; ++i) {
             slabs_[i].low = int(i) * planes_per_slab;
-            slabs_[i].high = int(std::min((i + 1) * planes_per_slab, planes));
+            slabs_[i].high = std::min(slabs_[i].low + planes_per_slab, planes);
         }
     }
     if (values_.size() != size) values_.assign(size, 0);
@@ -124,13 +133,23 @@ struct Waiting {
     }
 };
 
-// Calls visit(voxel, length) for every box [i - 1/2, i + 1/2] of the planes [low, high) that the
-// flight crosses in [0, end]; `end` may be infinite.
+// The voxels of a slab, [low, high) along each index axis.
+struct SlabBox {
+    int low[3] = {0, 0, 0}, high[3];
+    SlabBox(const std::array<int, 3> &shape, int axis, const Deposits::Slab &slab)
+        : high{shape[0], shape[1], shape[2]} {
+        low[axis] = slab.low;
+        high[axis] = slab.high;
+    }
+};
+
+// Calls visit(voxel, length) for every box [i - 1/2, i + 1/2] of `bounds` that the flight crosses
+// in [0, end]; `end` may be infinite.
 template <class Visit>
-VOLILLUM_INLINE void walk_boxes(const PhotonField &field, int low, int high, const Flight &flight,
-                                float end, Visit &&visit) {
+VOLILLUM_INLINE void walk_boxes(const PhotonField &field, const SlabBox &bounds,
+                                const Flight &flight, float end, Visit &&visit) {
     constexpr float never = std::numeric_limits<float>::infinity();
-    const int lows[3] = {low, 0, 0}, highs[3] = {high, field.shape[1], field.shape[2]};
+    const int *const lows = bounds.low, *const highs = bounds.high;
     float begin = 0.0f, p[3];
     for (int a = 0; a < 3; ++a) {
         p[a] = flight.start[a] - 0.5f;  // box i is [i, i + 1]
@@ -185,17 +204,15 @@ struct Ball {
         return std::min(int(std::floor(q[a] - 1.0f + reach[a])), field.shape[a] - 1);
     }
 
-    // Calls visit(voxel) for every voxel of the planes [first, end) whose centre is in the ball
-    // about q.
+    // Calls visit(voxel) for every voxel of `bounds` whose centre is in the ball about q.
     template <class Visit>
-    void visit(const PhotonField &field, int first, int end, const float *q, Visit &&visit) const {
+    void visit(const PhotonField &field, const SlabBox &bounds, const float *q,
+               Visit &&visit) const {
         int low[3], high[3];
         for (int a = 0; a < 3; ++a) {
-            low[a] = lowest(q, a);
-            high[a] = highest(field, q, a);
+            low[a] = std::max(lowest(q, a), bounds.low[a]);
+            high[a] = std::min(highest(field, q, a), bounds.high[a] - 1);
         }
-        low[0] = std::max(low[0], first);
-        high[0] = std::min(high[0], end - 1);
         for (int i = low[0]; i <= high[0]; ++i)
             for (int j = low[1]; j <= high[1]; ++j)
                 for (int k = low[2]; k <= high[2]; ++k) {

@@ -329,15 +329,16 @@ private:
         const Flight &flight = photon.flight;
         // Boxes [i, i + 1] in p = start - 1/2; what rounding could add is clipped when it is
         // written.
+        const int axis = context_.deposits->axis();
         const auto plane = [&](float way) {
-            const float p = flight.start[0] - 0.5f + way * flight.step[0];
-            return std::min(std::max(p, 0.0f), float(field_.shape[0] - 1));
+            const float p = flight.start[axis] - 0.5f + way * flight.step[axis];
+            return std::min(std::max(p, 0.0f), float(field_.shape[std::size_t(axis)] - 1));
         };
         const float one = plane(0.0f), two = plane(end);
         wait(photon, flight.start, scale_, end, int(std::min(one, two)), int(std::max(one, two)));
     }
 
-    // Planes first to last of the first index are concerned.
+    // Planes first to last across the slabs' axis are concerned.
     VOLILLUM_INLINE void wait(const Photon &photon, const float *start, float scale, float end,
                               int first, int last) {
         Deposit some{photon.flight, end, {}, {}};
@@ -356,7 +357,9 @@ private:
         float q[3];
         for (int a = 0; a < 3; ++a) q[a] = lane.flights.q[a][lane.at];
         const float dither = unit_of(lane.random.next()) - 0.5f;
-        const int first = context_.ball.lowest(q, 0), last = context_.ball.highest(field_, q, 0);
+        const int axis = context_.deposits->axis();
+        const int first = context_.ball.lowest(q, axis),
+                  last = context_.ball.highest(field_, q, axis);
         if (first > last) return;
         const float scale = context_.sign * context_.ball_scale / lane.flights.majorant[lane.at];
         wait(photon, q, scale, context_.sign * dither, first, last);

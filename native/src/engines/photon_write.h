@@ -60,11 +60,12 @@ VOLILLUM_INLINE void write_deposit(const TraceContext &context, const Deposit &s
             Deposits::add_higher<Colours>(higher_sums + row, slab, row, higher, scale, dither);
         }
     };
+    const SlabBox bounds(context.field->shape, context.deposits->axis(), slab);
     if (context.points)
-        context.ball.visit(*context.field, slab.low, slab.high, some.flight.start,
+        context.ball.visit(*context.field, bounds, some.flight.start,
                            [&](std::size_t voxel) { add(voxel, 1.0f, some.end); });
     else
-        walk_boxes(*context.field, slab.low, slab.high, some.flight, some.end,
+        walk_boxes(*context.field, bounds, some.flight, some.end,
                    [&](std::size_t voxel, float length) { add(voxel, length, 0.0f); });
 }
 

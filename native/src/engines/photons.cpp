@@ -77,7 +77,7 @@ void fold(Deposits &deposits, std::size_t size, std::uint64_t passes, int thread
         spilled.insert(spilled.end(), slab.spilled.begin(), slab.spilled.end());
         for (const auto &[index, wraps] : slab.higher_spilled) result.wraps[index] += wraps;
     }
-    deposits.clear_spills();
+    deposits.forget_spills();
     std::sort(spilled.begin(), spilled.end());
     const auto chunks = (size + kChunk - 1) / kChunk;
     parallel_for(chunks, threads, nullptr, [&](std::size_t chunk, int) {
@@ -177,7 +177,7 @@ PhotonTally PhotonTracer::run(const PhotonSource &source, const PhotonRun &run,
         std::min<std::size_t>(std::size_t(thread_count(run.threads)), batches);
 
     Deposits &deposits = impl_->deposits;
-    deposits.begin(impl_->geometry.shape[0], field.voxels * each, result.higher);
+    deposits.begin(field.shape, field.voxels * each, result.higher);
     TraceContext context{&field,
                          &impl_->geometry,
                          &emitter,
@@ -206,13 +206,15 @@ PhotonTally PhotonTracer::run(const PhotonSource &source, const PhotonRun &run,
     try {
         parallel_for(batches, int(workers), run.control, trace_batch);
     } catch (...) {
-        // Photons are the same again, and integers know no order.
-        context.sign = -1.0f;
-        const std::vector<char> traced = done;
-        parallel_for(batches, int(workers), nullptr, [&](std::size_t batch, int worker) {
-            if (traced[batch]) trace_batch(batch, worker);
-        });
-        deposits.clear_spills();
+        if (result.higher) {
+            // Photons are the same again, and integers know no order.
+            context.sign = -1.0f;
+            const std::vector<char> traced = done;
+            parallel_for(batches, int(workers), nullptr, [&](std::size_t batch, int worker) {
+                if (traced[batch]) trace_batch(batch, worker);
+            });
+        }
+        deposits.forget();
         throw;
     }
     fold(deposits, field.voxels * each, run.pass, int(workers), result);
