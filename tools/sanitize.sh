@@ -26,10 +26,11 @@ for sanitizers; do
     *) preload="$(library libasan.so) $(library libubsan.so)" ;;
     esac
     # The C++ runtime too: a sanitizer that starts before it does not find its exceptions. Without
-    # random addresses: a thread sanitizer's own have no place among them on every kernel.
+    # random addresses: a thread sanitizer's own have no place among them on every kernel. pytest
+    # must not keep what a report writes before it ends the process.
     # shellcheck disable=SC2086
     if LD_PRELOAD="$preload $(library libstdc++.so)" PYTHONPATH="build/$folder" \
-        setarch --addr-no-randomize .venv/bin/python -m pytest -q ${ARGS:-tests/native}; then
+        setarch --addr-no-randomize .venv/bin/python -m pytest -q --capture=sys ${ARGS:-tests/native}; then
         summary="$summary
 $sanitizers: nothing found"
     else

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from refusals import LIMITS
 
+from volillum_addon.compare import hard_cases, hard_page
 from volillum_addon.compare import hard_laws as laws
-from volillum_addon.compare import hard_page
 from volillum_addon.compare.hard_cases import PAGE, Cell, examine, variation
 from volillum_addon.compare.hard_scenes import FOLDER, HardCase, Lamp, Matter, catalogue, read
 from volillum_addon.core.errors import InputError
@@ -154,6 +154,23 @@ def test_means_over_voxels_may_differ_by_what_varies_within() -> None:
     centres = judge(grid.to_world(index.astype(float))).value
     # 3 a unit, 2 units a voxel, on one of three axes of which the RMS is taken.
     assert variation(grid, index, centres, judge) == pytest.approx(3 * 2 / 4 / np.sqrt(3), rel=0.1)
+
+
+def test_a_judge_that_takes_too_long_is_no_fault_of_the_model(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Light that is hardly absorbed scatters some ten thousand times in this cone."""
+    monkeypatch.setattr(hard_cases, "PATIENCE", 3.0)
+    case = HardCase("dense", "h", "h", Matter(depth=1e4, albedo=0.999999, pattern="uniform"))
+    cell = examine(case, MODELS["half_angle"])
+    assert cell.status == "kept", cell.reason
+    assert "the judge is not done in 3 processor seconds" in cell.remark
+
+
+def test_matter_may_have_colour_and_no_albedo() -> None:
+    medium = Matter(shape=(2, 2, 2), albedo=0.0, colour=(0.0, 0.0, 0.5), glow=1.0).medium()
+    assert medium.emission is not None
+    assert np.allclose(medium.emission.values, medium.sigma_t.values)
 
 
 def test_a_biased_mean_is_found(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -157,7 +157,7 @@ def _examined(case: HardCase, model: Model, thrift: Mapping[str, Value], control
     findings.append(laws.is_continuous(one, two, scale, estimate, CHANCE * sigma))
     conserved = laws.conserves(operator, lights, volume, found, estimate)
     findings += [conserved] if conserved else []
-    error, bound, remark = _judged(scene, model, given, volume, found, off, control)
+    error, bound, remark = _judged(scene, model, given, volume, found, off)
     if error is not None and bound is not None:
         detail = f"error {error:.3g}, estimated {bound:.3g}"
         findings.append(Finding("accurate", error <= bound, detail))
@@ -215,7 +215,6 @@ def _judged(
     volume: IlluminationVolume,
     found: NDArray[np.float64],
     off: NDArray[np.float64],
-    control: Control,
 ) -> tuple[float | None, float | None, str]:
     """Error and bound at voxels in matter and around it, and why there is none."""
     grid = volume.medium.sigma_t
@@ -230,18 +229,21 @@ def _judged(
     varies = 0.0
 
     def judge(places: NDArray[np.float64]) -> Estimate:
-        return exact(scene, model.id, places, samples, 0, control, **dict[str, Any](given))
+        return exact(scene, model.id, places, samples, 0, its_own, **dict[str, Any](given))
 
     try:
-        if closed is not None:  # no walk needs to be followed
-            everywhere = np.broadcast_to(closed, found.shape)[tuple(index.T)]
-            truth = Estimate(everywhere, np.zeros(points.shape))
-        else:
-            truth = judge(points)
-            if model.averages:
-                varies = variation(grid, index, truth.value, judge)
+        with patience() as its_own:  # what takes the judge long is no fault of the model's
+            if closed is not None:  # no walk needs to be followed
+                everywhere = np.broadcast_to(closed, found.shape)[tuple(index.T)]
+                truth = Estimate(everywhere, np.zeros(points.shape))
+            else:
+                truth = judge(points)
+                if model.averages:
+                    varies = variation(grid, index, truth.value, judge)
     except InputError as refusal:
         return None, None, f"the judge cannot follow: {refusal}"
+    except Cancelled:
+        return None, None, f"the judge is not done in {PATIENCE:g} processor seconds"
     picked = tuple(index.T)
     full = laws.rms(laws.unoccluded(lights, points))
     scale = max(laws.rms(truth.value), full) or 1.0

@@ -74,11 +74,12 @@ class Matter:
         sigma_t, sigma_s = medium.sigma_t, medium.sigma_s
         if self.half:
             sigma_t, sigma_s = _in_half(sigma_t), _in_half(sigma_s)
-            sigma_s = sigma_s.with_values(np.minimum(sigma_s.values, _like(sigma_t, sigma_s)))
+            sigma_s = sigma_s.with_values(np.minimum(*_alike(sigma_s, sigma_t)))
         emission = None
         if self.glow > 0:
-            absorbed = _like(sigma_t, sigma_s) - sigma_s.values
-            emission = sigma_s.with_values(absorbed * np.float32(self.glow))
+            emission = sigma_t.with_values(
+                np.subtract(*_alike(sigma_t, sigma_s)) * np.float32(self.glow)
+            )
         return Medium(sigma_t, sigma_s, emission, self.g)
 
     def values(self) -> NDArray[np.float64]:
@@ -115,10 +116,10 @@ class Matter:
                 return spiky
 
 
-def _like(grid: Grid, other: Grid) -> NDArray[np.float32]:
-    """The values with as many channels as the other's."""
-    values = grid.values if grid.values.ndim == other.values.ndim else grid.values[..., None]
-    return np.broadcast_to(values, other.values.shape)
+def _alike(*grids: Grid) -> list[NDArray[np.float32]]:
+    """Their values with as many channels as any of them has."""
+    most = max(grid.values.ndim for grid in grids)
+    return [grid.values if grid.values.ndim == most else grid.values[..., None] for grid in grids]
 
 
 def _in_half(grid: Grid) -> Grid:

@@ -13,7 +13,8 @@ namespace volillum {
 template <class Pack>
 VOLILLUM_INLINE void exp_negative(Pack &x) {
     if constexpr (sizeof(Real) == sizeof(float)) {
-        using Bits [[gnu::vector_size(sizeof(Pack))]] = std::int32_t;
+        // Without a sign: numbers with one must not overflow.
+        using Bits [[gnu::vector_size(sizeof(Pack))]] = std::uint32_t;
         constexpr Real log2_e = 1.44269504088896341f;
         constexpr Real round_magic = 12582912;  // 1.5 * 2^23: adding it rounds to an integer
         const Pack shifted = round_magic - x * log2_e;

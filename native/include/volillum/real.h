@@ -65,8 +65,8 @@ VOLILLUM_INLINE float exp_negative(float x) {
     p = p * r + 5.0000001201e-1f;
     p = p * (r * r) + r + 1.0f;
     // The low bits of `shifted` are n; moved into the exponent they multiply p by 2^n.
-    const float value = std::bit_cast<float>(std::bit_cast<std::int32_t>(p) +
-                                             (std::bit_cast<std::int32_t>(shifted) << 23));
+    const float value = std::bit_cast<float>(std::bit_cast<std::uint32_t>(p) +
+                                             (std::bit_cast<std::uint32_t>(shifted) << 23));
     return x < 87.0f ? value : 0.0f;
 }
 VOLILLUM_INLINE double exp_negative(double x) {

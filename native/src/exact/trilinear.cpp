@@ -61,6 +61,7 @@ Bricks::Bricks(const Size3 &shape, const std::vector<Planes> &planes)
 }
 
 void Field::set(const Bricks &bricks, std::size_t channel, const float *plane) {
+    if (values_.empty()) return;
     const Size3 &shape = bricks.shape();
     float *out = &values_[channel];
     for (std::size_t brick = 0; brick < bricks.count(); ++brick) {
