@@ -144,7 +144,7 @@ def test_lights_that_changed_are_to_be_shown_anew(scene: bpy.types.Scene) -> Non
     settings.model = "spherical_harmonics"
     settings.spherical_harmonics.directions = 8
     bpy.ops.volillum.bake()
-    relights = "The lights have changed: Show bake relights"
+    relights = "The lights have changed: Bake, beside Scattering, relights"
 
     def said() -> str:
         return " ".join(draw(panels.VOLILLUM_PT_bake, scene).labels())
