@@ -59,10 +59,11 @@ def find(wanted: str) -> Steps:
     # What was never seen is often close to what was used last.
     near = next(reversed(_places.values()), (sidebar.x + sidebar.width // 2, rows[0]))
     known = _places.pop(seen[0]) if seen else near
-    # Wide buttons, the left one of two, and a small one at the end of a row.
+    # Wide buttons, the left and the middle one of three, and a small one at the end of a row.
     columns = (
         sidebar.x + 2 * sidebar.width // 3,
         sidebar.x + sidebar.width // 4,
+        sidebar.x + 9 * sidebar.width // 20,
         sidebar.x + sidebar.width - 50,
     )
     # From where it was last to both sides.
