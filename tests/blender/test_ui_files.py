@@ -14,7 +14,7 @@ from plumes import write_plume
 from volillum_addon.blender import places, showing, stage, staleness, work
 from volillum_addon.core.errors import InputError
 
-NEW = "The lights have changed: Bake, beside Scattering, relights"
+NEW = "The lights have changed: Baked, beside Scattering, relights"
 
 
 @pytest.fixture(autouse=True)
@@ -240,7 +240,7 @@ def test_what_the_user_deletes_is_shown_again() -> None:
     scene = bpy.context.scene
     shown = scene.volillum.baked.shown
     scene.collection.objects.unlink(shown)  # as the key X does
-    assert "Bake, beside Scattering" in staleness.shown_differs(scene, source(scene))
+    assert "Baked, beside Scattering" in staleness.shown_differs(scene, source(scene))
     bpy.ops.volillum.show()
     assert scene.volillum.baked.shown.name in scene.objects
     assert_right(scene)

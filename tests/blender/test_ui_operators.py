@@ -108,7 +108,7 @@ def test_show_as_one_grid(scene: bpy.types.Scene) -> None:
         assert staleness.shown_differs(scene, work.chosen_volume(scene)) == ""
         sun(scene).data.energy *= 2
         said = staleness.shown_differs(scene, work.chosen_volume(scene))
-        assert said == "The lights have changed: Bake, beside Scattering, relights"
+        assert said == "The lights have changed: Baked, beside Scattering, relights"
     assert len(list(Path(scene.volillum.directory).glob("*.radiance.*.vdb"))) == 2
 
 

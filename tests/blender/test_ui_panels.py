@@ -144,7 +144,7 @@ def test_lights_that_changed_are_to_be_shown_anew(scene: bpy.types.Scene) -> Non
     settings.model = "spherical_harmonics"
     settings.spherical_harmonics.directions = 8
     bpy.ops.volillum.bake()
-    relights = "The lights have changed: Bake, beside Scattering, relights"
+    relights = "The lights have changed: Baked, beside Scattering, relights"
 
     def said() -> str:
         return " ".join(draw(panels.VOLILLUM_PT_bake, scene).labels())
@@ -194,3 +194,10 @@ def test_the_recording_layout_notices_wrong_names(scene: bpy.types.Scene) -> Non
     for call in wrong:
         with pytest.raises((AssertionError, KeyError, AttributeError)):
             call()
+
+
+def test_a_view_that_cannot_show_scattering_says_so() -> None:
+    assert "Rendered" in panels.unseen("SCATTERING", "MATERIAL")
+    assert panels.unseen("SCATTERING", "RENDERED") == ""
+    assert panels.unseen("SCATTERING", None) == ""
+    assert panels.unseen("BAKE", "MATERIAL") == ""

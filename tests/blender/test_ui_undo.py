@@ -11,8 +11,8 @@ from volillum_addon.blender import staleness, transfer, work
 
 # A script's call leaves no step to undo unless it asks for one, as a button's does.
 PRESSED = ("EXEC_DEFAULT", True)
-RELIGHT = "The lights have changed: Bake, beside Scattering, relights"
-OLDER = "An older bake is shown: Bake, beside Scattering, shows the new one"
+RELIGHT = "The lights have changed: Baked, beside Scattering, relights"
+OLDER = "An older bake is shown: Baked, beside Scattering, shows the new one"
 
 
 @pytest.fixture(autouse=True)

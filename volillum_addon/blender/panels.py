@@ -96,6 +96,10 @@ class VOLILLUM_PT_bake(Sidebar, bpy.types.Panel):
         if live is not None and follows:
             lines(layout, live.message, wrap.room(context), "TIME")
         _ways(layout, scene, wrap.room(context))
+        view = getattr(context, "space_data", None)
+        shading = view.shading.type if isinstance(view, bpy.types.SpaceView3D) else None
+        if note := unseen(settings.stage.way, shading):
+            lines(layout, note, wrap.room(context), "INFO")
         if settings.other.path:
             label = f"A/B: {get(settings.other.model).label}"
             layout.operator("volillum.swap", text=label, icon="ARROW_LEFTRIGHT")
@@ -112,7 +116,9 @@ def _ways(layout: bpy.types.UILayout, scene: bpy.types.Scene, room: float) -> No
     row = layout.row(align=True)
     bake = row.row(align=True)
     bake.enabled = bool(settings.baked.path)
-    bake.operator("volillum.show", text="Bake", icon="HIDE_OFF", depress=way == "BAKE").baked = True
+    bake.operator(
+        "volillum.show", text="Baked", icon="HIDE_OFF", depress=way == "BAKE"
+    ).baked = True
     row.operator("volillum.scatter", text="Scattering", icon="LIGHT", depress=way == "SCATTERING")
     row.operator(
         "volillum.show", text="Volume", icon="VOLUME_DATA", depress=way == "VOLUME"
@@ -122,6 +128,14 @@ def _ways(layout: bpy.types.UILayout, scene: bpy.types.Scene, room: float) -> No
         errors = way == "ERROR"
         note = settings.errors_of if errors else settings.row_of
         exhibit_state.draw(layout, scene, note, errors, room)
+
+
+def unseen(way: str, shading: str | None) -> str:
+    """Why a view of this shading (None: not a view) does not show what stands in the volume's
+    place; "" where it does."""
+    if way == "SCATTERING" and shading not in (None, "RENDERED"):
+        return "Cycles alone scatters: choose Rendered, the last of the four spheres above the view"
+    return ""
 
 
 def _baked(box: bpy.types.UILayout, scene: bpy.types.Scene, room: float) -> None:

@@ -136,14 +136,14 @@ def shown_differs(scene: bpy.types.Scene, volume: bpy.types.Object | None) -> st
     if baked.shown is None:
         return ""
     if baked.shown.name not in scene.objects:
-        return "What was shown has been removed: Bake, beside Scattering, shows it again"
+        return "What was shown has been removed: Baked, beside Scattering, shows it again"
     if not shows(block_file(baked.shown.data), baked_file(scene)):
-        return "An older bake is shown: Bake, beside Scattering, shows the new one"
+        return "An older bake is shown: Baked, beside Scattering, shows the new one"
     noted = baked.lighting
     if baked.frames:
         noted = json.loads(noted).get(str(scene.frame_current))
     if noted is not None and noted != lighting(scene, volume, get(baked.model)):
-        return "The lights have changed: Bake, beside Scattering, relights"
+        return "The lights have changed: Baked, beside Scattering, relights"
     return ""
 
 
