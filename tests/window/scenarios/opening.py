@@ -45,7 +45,7 @@ def importing() -> Steps:
     yield 1.0
     picture("panel_transfer")
     before = bpy.data.objects["ball"].data.filepath
-    yield from choose_preset("ct_skin")
+    yield from choose_preset("ct_skin", "import_presets")
     picture("panel_transfer_not_applied")
     yield from press("volillum.apply_transfer(")
     yield lambda: running() is None
@@ -109,7 +109,7 @@ def choosing() -> Steps:
     first = yield from lit_view()
     picture("preset_first", "view")
     before = bpy.data.objects[name].data.filepath
-    yield from choose_preset("ct_skin")
+    yield from choose_preset("ct_skin", "preset_menu")
     yield from press("volillum.apply_transfer(")
     yield lambda: running() is None
     assert bpy.data.objects[name].data.filepath != before
@@ -118,8 +118,8 @@ def choosing() -> Steps:
     assert difference(first, second) > OTHER
 
 
-def choose_preset(name: str) -> Steps:
-    """From the panel's menu, with the mouse."""
-    yield from choose_left_of(MENU, preset_names().index(name), "preset_menu")
+def choose_preset(name: str, seen: str) -> Steps:
+    """From the panel's menu, with the mouse; `seen` is the picture of it."""
+    yield from choose_left_of(MENU, preset_names().index(name), seen)
     shown = package("blender.transfer_operators").VOLILLUM_MT_transfer_presets.bl_label
     assert shown.lower() == name.replace("_", " "), shown
