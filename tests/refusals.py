@@ -5,6 +5,7 @@ function that is too sharp."""
 LIMITS = (
     "knows only lights of the kinds",
     "of strength 0",
+    "number of lights is 0",
     "the cone toward it turns too fast",
     "toward a point light reach",
     "of the light's scatterings would be left out",

@@ -140,16 +140,16 @@ def _examined(case: HardCase, model: Model, thrift: Mapping[str, Value], control
     finally:
         native.set_threads(before)
     found = laws.radiance(volume, scene.camera)
-    findings = [
-        laws.is_finite(found),
-        laws.is_not_negative(operator, volume, scene.camera, found),
-        laws.is_within(operator, lights, volume, found),
-        laws.has_the_bits_of(volume, alone),
-    ]
     scale = _scale(scene, model, found)
     sigma = laws.rms(laws.noise(volume)) / scale
     off = _off_refined(model, scene, given, found, control)
     estimate = 2 * laws.rms(off[np.isfinite(off)]) / scale + laws.ROUNDING
+    findings = [
+        laws.is_finite(found),
+        laws.is_not_negative(operator, volume, scene.camera, found),
+        laws.is_within(operator, lights, volume, found, estimate * scale),
+        laws.has_the_bits_of(volume, alone),
+    ]
     one, two = (
         laws.radiance(illuminate(each, model.id, given, control), each.camera)
         for each in _to_either_side(scene)

@@ -195,10 +195,16 @@ def is_not_negative(
 
 
 def is_within(
-    operator: Operator, lights: tuple[Light, ...], volume: IlluminationVolume, found: Field
+    operator: Operator,
+    lights: tuple[Light, ...],
+    volume: IlluminationVolume,
+    found: Field,
+    numerical: float,
 ) -> Finding:
     """No brighter than the equation allows; where that has no bound at a point, no more absorbed
-    than arrives."""
+    than arrives. Light that is scattered on by the phase function is solved apart from what arrives
+    unscattered, so that their errors, estimated to be `numerical`, do not make up for each other.
+    """
     most = most_radiance(operator, lights, volume)
     if most is None:
         return absorbs_no_more(lights, volume, found)
@@ -207,6 +213,8 @@ def is_within(
         found, most = (found @ LUMINANCE)[..., None], (most @ LUMINANCE)[..., None]
     sigma = noise(volume)
     allowed = most * (1 + ROUNDING) + SIGMAS * np.maximum(sigma, rms(sigma))
+    if operator.rescatter == "phase":
+        allowed = allowed + numerical
     share = np.divide(found, most, out=np.zeros_like(found), where=most > 0)
     return Finding(
         "within its bound", bool(np.all(found <= allowed)), f"{share.max():.4g} of what it allows"
