@@ -13,6 +13,7 @@ from plumes import plume_scene
 
 import volillum_addon
 from volillum_addon.blender.jobs import Job, Work
+from volillum_addon.models.registry import MODELS
 
 
 @pytest.fixture(scope="module")
@@ -28,6 +29,20 @@ def scene(extension: None, tmp_path: Path) -> Iterator[bpy.types.Scene]:
         made.volillum.directory = str(tmp_path / "out")
         with bpy.context.temp_override(scene=made):
             yield made
+
+
+@pytest.fixture
+def quick_models(scene: bpy.types.Scene) -> bpy.types.Scene:
+    """The scene, with settings that let every model bake, and its error be known, in an instant."""
+    settings = scene.volillum
+    settings.noise, settings.budget = 10, 5
+    for model in MODELS:
+        group = getattr(settings, model)
+        if "directions" in group.bl_rna.properties:
+            group.directions = 8
+    settings.photon_mapping.passes = 2
+    settings.model = "multidirectional_occlusion"
+    return scene
 
 
 @pytest.fixture

@@ -102,21 +102,8 @@ def test_the_legend_has_the_volumes_colours(tmp_path: Path) -> None:
     assert "noise 2.1 %" in texts[3]
 
 
-@pytest.fixture
-def quick(scene: bpy.types.Scene) -> bpy.types.Scene:
-    settings = scene.volillum
-    settings.noise, settings.budget = 10, 5
-    for model in MODELS:
-        group = getattr(settings, model)
-        if "directions" in group.bl_rna.properties:
-            group.directions = 8
-    settings.photon_mapping.passes = 2
-    settings.model = "multidirectional_occlusion"
-    return scene
-
-
-def test_the_chosen_models_error_is_shown(quick: bpy.types.Scene) -> None:
-    scene, settings = quick, quick.volillum
+def test_the_chosen_models_error_is_shown(quick_models: bpy.types.Scene) -> None:
+    scene, settings = quick_models, quick_models.volillum
     assert bpy.ops.volillum.show_error() == {"FINISHED"}
     assert settings.stage.way == "ERROR"
     shown = [each for each in settings.exhibit.objects if each.type == "VOLUME"]
@@ -136,8 +123,10 @@ def test_the_chosen_models_error_is_shown(quick: bpy.types.Scene) -> None:
     assert first.is_file()
 
 
-def test_all_errors_stand_in_a_row_on_one_scale(quick: bpy.types.Scene, tmp_path: Path) -> None:
-    scene, settings = quick, quick.volillum
+def test_all_errors_stand_in_a_row_on_one_scale(
+    quick_models: bpy.types.Scene, tmp_path: Path
+) -> None:
+    scene, settings = quick_models, quick_models.volillum
     settings.composition = "sun=multidirectional_occlusion,sky=spherical_harmonics"
     settings.error_limit = 80
     assert bpy.ops.volillum.error_row() == {"FINISHED"}

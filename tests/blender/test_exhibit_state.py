@@ -12,17 +12,7 @@ from recording_layout import RecordingLayout
 from volillum_addon.blender import compare_panel, panels
 from volillum_addon.models.registry import MODELS
 
-
-@pytest.fixture(autouse=True)
-def quick(scene: bpy.types.Scene) -> None:
-    settings = scene.volillum
-    settings.noise, settings.budget = 10, 5
-    for model in MODELS:
-        group = getattr(settings, model)
-        if "directions" in group.bl_rna.properties:
-            group.directions = 8
-    settings.photon_mapping.passes = 2
-    settings.model = "multidirectional_occlusion"
+pytestmark = pytest.mark.usefixtures("quick_models")
 
 
 def said(scene: bpy.types.Scene, panel: type = panels.VOLILLUM_PT_bake) -> str:
