@@ -5,8 +5,11 @@
 
 Prints the machine, and nanoseconds per voxel and direction, the ratio to a copy of the grid by as
 many threads, and the relative RMS error of what was computed, at random voxels against exact line
-integrals through the same smooth medium. Copy and sweeps write to existing arrays; `copy, new` and
-`into a new array` show what the system's new pages add. Medians of the repeats after a warm-up;
+integrals through the same smooth medium. Each sweep of one direction takes turns with a copy, and
+the ratio is that of their medians: both find the grid as other work leaves it, and what slows the
+machine slows both. `copy, repeated` is the best case, which finds the grid where its own last turn
+has left it. Copy and sweeps write to existing arrays; `copy, new` and `into a new array` show what
+the system's new pages add. Medians of the repeats after a warm-up;
 their quartiles are in the JSON output. Beside them one direction as a user would write it
 (slice_march.py, one thread). With --sizes, the cost against the size of the grid instead.
 """
@@ -16,7 +19,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -90,40 +93,49 @@ def relative_error(
 
 
 def measure(work: Callable[[], object], repeats: int) -> NDArray[np.float64]:
-    work()
-    seconds = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        work()
-        seconds.append(time.perf_counter() - start)
-    return np.array(seconds)
+    """Seconds of each repeat, after one to warm up."""
+    return measure_in_turn((work,), repeats)[0]
+
+
+def measure_in_turn(works: Sequence[Callable[[], object]], repeats: int) -> NDArray[np.float64]:
+    """Seconds [work, repeat] of works that take turns, after one turn to warm up."""
+    seconds = np.zeros((len(works), repeats + 1))
+    for turn in range(repeats + 1):
+        for index, work in enumerate(works):
+            start = time.perf_counter()
+            work()
+            seconds[index, turn] = time.perf_counter() - start
+    return seconds[:, 1:]
 
 
 class Benchmark:
     def __init__(self, size: int, threads: int, repeats: int, as_json: bool) -> None:
         self.threads, self.repeats, self.as_json = threads, repeats, as_json
         self.sigma_t = smooth_medium(size)
+        self.target = np.zeros_like(self.sigma_t)
+        self.pool = ThreadPoolExecutor(threads)
         self.copy_seconds = 1.0
 
+    def copy(self) -> None:
+        """The grid to an existing array, by as many threads as the sweep's."""
+
+        def part(rows: NDArray[np.int64]) -> None:
+            inside = slice(rows[0], rows[-1] + 1)
+            np.copyto(self.target[inside], self.sigma_t[inside])
+
+        list(self.pool.map(part, np.array_split(np.arange(len(self.target)), self.threads)))
+
     def copies(self) -> None:
-        target = np.zeros_like(self.sigma_t)
-        slabs = np.array_split(np.arange(len(target)), self.threads)
-        with ThreadPoolExecutor(self.threads) as pool:
-
-            def part(rows: NDArray[np.int64]) -> None:
-                inside = slice(rows[0], rows[-1] + 1)
-                np.copyto(target[inside], self.sigma_t[inside])
-
-            seconds = measure(lambda: list(pool.map(part, slabs)), 4 * self.repeats + 1)
+        seconds = measure(self.copy, 4 * self.repeats + 1)
         self.copy_seconds = float(np.median(seconds))
-        self.report("copy", None, 1, 1, seconds, None)
+        self.report("copy, repeated", None, 1, 1, seconds, None)
         new = measure(self.sigma_t.copy, 2 * self.repeats + 1)
         self.report("copy, new", None, 1, 1, new, None)
 
     def sweep(
         self, name: str, directions: Directions, channels: int, near: int, new: bool = False
-    ) -> tuple[NDArray[np.float64], float]:
-        """Times a sweep and returns its seconds and its error."""
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+        """Times a sweep and copies in turn with it; returns the seconds of both and its error."""
         count = len(directions)
         weights = np.full((count, channels), 1 / count, np.float32)
         weights[:, 1:] *= np.random.default_rng(1).uniform(0.5, 1, (count, channels - 1))
@@ -140,10 +152,11 @@ class Benchmark:
                 out=None if new else out,
             )
 
-        seconds = measure(work, self.repeats)
+        copies, seconds = measure_in_turn((self.copy, work), self.repeats)
+        self.copy_seconds = float(np.median(copies))
         error = 0.0 if new else relative_error(self.sigma_t, directions, weights, out)
         self.report(name, near, count, channels, seconds, None if new else error)
-        return seconds, error
+        return copies, seconds, error
 
     def by_user(self, name: str, shift: Shift, axis: int) -> None:
         direction = unit(np.roll(np.array([1.0, *TILTS["tilted"]]), axis))
@@ -193,15 +206,18 @@ class Benchmark:
         )
 
     def single_directions(self, near: int) -> None:
-        seconds, errors = [], []
+        copies, seconds, errors = [], [], []
         for axis in range(3):
             for tilt, (first, second) in TILTS.items():
                 direction = unit(np.roll(np.array([1.0, first, second]), axis))[None]
                 name = f"1 direction, {'ijk'[axis]}, {tilt}"
                 found = self.sweep(name, direction, 1, near)
-                seconds.append(found[0])
-                errors.append(found[1])
+                copies.append(found[0])
+                seconds.append(found[1])
+                errors.append(found[2])
         mean_error = float(np.sqrt(np.mean(np.square(errors))))
+        self.report("copy, in turn", None, 1, 1, np.concatenate(copies), None)
+        self.copy_seconds = float(np.median(copies))
         self.report("1 direction, mean of all", near, 1, 1, np.mean(seconds, axis=0), mean_error)
         straight = np.array([[1.0, 0.0, 0.0]])
         self.sweep("1 direction, into a new array", straight, 1, near, new=True)
