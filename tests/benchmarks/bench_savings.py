@@ -9,8 +9,9 @@ sky. Each row takes one thing away:
     no emission  nothing glows
     one eighth   matter in one octant alone; scattered: as much, in two cubes at the
                  ends of a diagonal, so that no box around it is smaller than the grid
-    order n      spherical harmonics up to a band: what a sky of one radiance (0) or with a gradient
-                 (1) has energy in. Stored bands serve other lights later, so the order is a setting
+    even sky     no sun and a sky of one radiance, whose energy is in the lowest harmonic band
+                 (bands = lit; the setting's default stores all, which serve other lights later)
+    graded sky   the same with a gradient: two bands
 
 Ratios of medians in one run; 1 is no saving. What a model's equation does not have is left out.
 """
@@ -86,8 +87,10 @@ def lacking(model: Model, size: int) -> Iterator[tuple[str, Scene, Mapping[str, 
     ends[:part, :part, :part] = ends[-part:, -part:, -part:] = 1
     yield "one eighth, scattered", masked(scene, ends), {}
     if operator.basis is not None:
-        for order in (0, 1):
-            yield f"order {order}", scene, {"order": order}
+        up = np.sin((np.arange(128) + 0.5) / 128 * math.pi - math.pi / 2, dtype=np.float32)
+        graded = np.broadcast_to((1 + 0.5 * up)[:, None, None], (128, 256, 3))
+        for name, radiance in (("even sky", 0.2), ("graded sky", graded)):
+            yield name, replace(scene, lights=(EnvironmentLight(radiance),)), {"bands": "lit"}
 
 
 def seconds(scene: Scene, model: Model, given: Mapping[str, Value]) -> float:

@@ -8,6 +8,8 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Mapping
 from hashlib import blake2b
+from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,9 +17,10 @@ from numpy.typing import ArrayLike
 from .. import __version__
 from ..core.colour import luminance
 from ..core.grid import Grid
-from ..core.lights import light_shape
+from ..core.lights import Light, light_shape
 from ..core.scene import Scene
 from ..models.model import Model, Values
+from ..models.operator import highest_band
 
 # Raised when a kernel or model gives other values for the same input.
 KERNEL_REVISION = 7
@@ -41,7 +44,7 @@ def input_digests(scene: Scene, model: Model, values: Values, half: bool) -> dic
         "parameters": _digest(json.dumps(dict(values), sort_keys=True)),
         "program": _digest(f"{model.id} {KERNEL_REVISION} {__version__} {'half' if half else ''}"),
     }
-    for part in model.rebake_on - digests.keys():
+    for part in model.rebakes_on(values) - digests.keys():
         digests[part] = PARTS[part](scene, model)
     return dict(sorted(digests.items()))
 
@@ -67,23 +70,47 @@ def _light_directions(scene: Scene, model: Model) -> str:
 
 def _lights(scene: Scene, model: Model) -> str:
     """Everything of the lights that the model represents, in order."""
-    digest = blake2b(digest_size=DIGEST_BYTES)
-    for light in model.represented(scene):
-        digest.update(light.kind.encode() + b"\0")
-        for name, value in sorted(vars(light).items()):
-            digest.update(name.encode() + b"\0")
-            digest.update(value.encode() if isinstance(value, str) else _numbers(value))
-    return digest.hexdigest()
+    return combined(_light(light) for light in model.represented(scene))
 
 
 def _light_shapes(scene: Scene, model: Model) -> str:
     """Everything of the lights but their brightness; an image's pixels are its shape."""
-    digest = blake2b(digest_size=DIGEST_BYTES)
-    for light in model.represented(scene):
-        digest.update(light.kind.encode() + b"\0")
-        for name, value in light_shape(light):
-            digest.update(name.encode() + b"\0")
-            digest.update(value.encode() if isinstance(value, str) else _numbers(value))
+    return combined(_light_shape(light) for light in model.represented(scene))
+
+
+def _once_a_light[Result](work: Callable[[Light], Result]) -> Callable[[Light], Result]:
+    """The work done once for each light as long as it lives: an image's pixels take time, and a
+    panel asks at every redraw. Lights never change."""
+    known: WeakKeyDictionary[Light, Result] = WeakKeyDictionary()
+
+    def result(light: Light) -> Result:
+        if light not in known:
+            known[light] = work(light)
+        return known[light]
+
+    return result
+
+
+@_once_a_light
+def _light(light: Light) -> str:
+    return _named(light.kind, sorted(vars(light).items()))
+
+
+@_once_a_light
+def _light_shape(light: Light) -> str:
+    return _named(light.kind, light_shape(light))
+
+
+@_once_a_light
+def _highest_band(light: Light) -> int:
+    return highest_band(light)
+
+
+def _named(kind: str, values: Iterable[tuple[str, Any]]) -> str:
+    digest = blake2b(kind.encode() + b"\0", digest_size=DIGEST_BYTES)
+    for name, value in values:
+        digest.update(name.encode() + b"\0")
+        digest.update(value.encode() if isinstance(value, str) else _numbers(value))
     return digest.hexdigest()
 
 
@@ -106,6 +133,15 @@ def _light_hues(scene: Scene, model: Model) -> str:
     return digest.hexdigest()
 
 
+def _lit_bands(scene: Scene, model: Model) -> str:
+    """The highest harmonic band in which the model's lights have energy, for each kind of them:
+    parts of a composition know one kind each."""
+    bands: dict[str, int] = {}
+    for light in model.represented(scene):
+        bands[light.kind] = max(bands.get(light.kind, 0), _highest_band(light))
+    return _digest(json.dumps(bands, sort_keys=True))
+
+
 def _camera(scene: Scene, model: Model) -> str:
     """What the direction toward the eye depends on: the eye, or an orthographic view's axis."""
     camera = scene.need_camera()
@@ -114,13 +150,14 @@ def _camera(scene: Scene, model: Model) -> str:
     return _digest(b"perspective" + _bytes(camera.eye))
 
 
-# What a model may name in `rebake_on` beside the medium's grids.
+# What a model may name in `rebake_on` and `rebake_when` beside the medium's grids.
 PARTS: dict[str, Callable[[Scene, Model], str]] = {
     "light direction": _light_directions,
     "light": _lights,
     "light shape": _light_shapes,
     "phase function": _phase,
     "light hue": _light_hues,
+    "highest lit band": _lit_bands,
     "camera": _camera,
 }
 

@@ -122,7 +122,7 @@ def absent(scene: Analysis) -> tuple[str, ...]:
     if "environment" not in scene.kinds:
         words.append("light from all around")
     elif all(light.bands[0] > 1 - 1e-9 for light in scene.lights if light.bands):
-        words.append("a sky with directions: band 0 of the harmonics holds all of it")
+        words.append("a sky with directions: band 0 of the harmonics holds all of it (bands = lit)")
     if not scene.kinds - {"environment"}:
         words.append("light of one direction: no hard shadows")
     if scene.dark:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+from typing import Any
+
 import bpy
 import numpy as np
 
@@ -36,14 +39,46 @@ def closures(volume: bpy.types.Object) -> list[Closure]:
 
 
 def lights(scene: bpy.types.Scene) -> tuple[Light, ...]:
-    """As `read_lights`, but a world with an image is any environment: its pixels take time."""
+    """As `read_lights`, but images are read again only when `world_state` has changed."""
     found = [read_light(placed) for placed in light_objects(scene)]
-    world = scene.world
-    if world is None:
-        return tuple(found)
-    images = world.node_tree is not None and any(
-        node.bl_idname == "ShaderNodeTexEnvironment" for node in world.node_tree.nodes
-    )
-    if images and world.cycles_visibility.scatter:
-        return (*found, EnvironmentLight(1.0))
-    return (*found, *read_world(world))
+    return (*found, *(() if scene.world is None else _world_lights(scene.world)))
+
+
+def world_state(world: bpy.types.World | None) -> str:
+    """What a world's light comes from: nodes, links, constants, and of images what tells them apart
+    without their pixels. Paint on an image that was painted on before does not show."""
+    if world is None or world.node_tree is None:
+        return ""
+    nodes, links = world.node_tree.nodes, world.node_tree.links
+    found: list[Any] = [world.cycles_visibility.scatter]
+    for node in nodes:
+        sockets = [_plain(each) for each in node.inputs if hasattr(each, "default_value")]
+        found.append([node.name, node.mute, *sockets, *_image_state(getattr(node, "image", None))])
+    for link in links:
+        ends = (link.from_node.name, link.from_socket.name, link.to_node.name, link.to_socket.name)
+        found.append([*ends, link.is_muted])
+    return json.dumps(found)
+
+
+def _plain(socket: bpy.types.NodeSocket) -> Any:
+    value = socket.default_value
+    return value if isinstance(value, float | int | str) else list(value)
+
+
+def _image_state(image: bpy.types.Image | None) -> list[Any]:
+    if image is None:
+        return []
+    space = image.colorspace_settings.name
+    return [image.name_full, image.session_uid, image.filepath, *image.size, image.is_dirty, space]
+
+
+# The lights of the one world that was read last, by its state.
+_READ: dict[str, tuple[EnvironmentLight, ...]] = {}
+
+
+def _world_lights(world: bpy.types.World) -> tuple[EnvironmentLight, ...]:
+    state = world_state(world)
+    if state not in _READ:
+        _READ.clear()
+        _READ[state] = read_world(world)
+    return _READ[state]

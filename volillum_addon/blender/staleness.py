@@ -20,10 +20,10 @@ from ..bake.hashing import PARTS
 from ..bake.radiance_file import shows
 from ..bake.vdb import read_metadata
 from ..core.errors import InputError
-from ..models.model import Model, Value
+from ..models.model import Model, Value, Values
 from ..models.registry import get
 from .frames import kept_frame
-from .outline import closures, outline
+from .outline import closures, outline, world_state
 from .places import baked_file, block_file
 from .properties import chosen_model, model_values
 
@@ -87,7 +87,7 @@ def changes(scene: bpy.types.Scene, volume: bpy.types.Object | None) -> tuple[st
     return (
         *(f"{part} has changed" for part in parts if before.get(part, "") != now[part]),
         *parameters(metadata["parameters"], model_values(settings, model.id)),
-        *_parts(scene, volume, model, metadata["inputs"]),
+        *_parts(scene, volume, model, metadata),
     )
 
 
@@ -99,8 +99,9 @@ def state(scene: bpy.types.Scene, volume: bpy.types.Object) -> tuple[str, str]:
     bare = outline(scene, volume)
     model.check(bare)
     medium = _digest([*source(settings, volume).values(), bare.medium.g])
-    parts = [PARTS[part](bare, model) for part in sorted(model.rebake_on) if part in PARTS]
-    values = {name: str(value) for name, value in model_values(settings, model.id).items()}
+    given = model_values(settings, model.id)
+    parts = [PARTS[part](bare, model) for part in _parts_of(model, given)]
+    values = {name: str(value) for name, value in given.items()}
     return _digest([medium, model.id, values, parts]), medium
 
 
@@ -127,7 +128,7 @@ def lighting(scene: bpy.types.Scene, volume: bpy.types.Object | None, model: Mod
         bare = outline(scene, volume)
     except InputError:
         return ""
-    return _digest([PARTS["light"](bare, model), *_world(scene.world)])
+    return _digest([PARTS["light"](bare, model), world_state(scene.world)])
 
 
 def shown_differs(scene: bpy.types.Scene, volume: bpy.types.Object | None) -> str:
@@ -147,23 +148,6 @@ def shown_differs(scene: bpy.types.Scene, volume: bpy.types.Object | None) -> st
     return ""
 
 
-def _world(world: bpy.types.World | None) -> list[Any]:
-    """The constants and images of a world's nodes."""
-    if world is None or world.node_tree is None:
-        return []
-    found: list[Any] = []
-    for node in world.node_tree.nodes:
-        image = getattr(node, "image", None)
-        found.append(image.name if image is not None else "")
-        found += [str(_plain(socket)) for socket in node.inputs if hasattr(socket, "default_value")]
-    return found
-
-
-def _plain(socket: bpy.types.NodeSocket) -> Any:
-    value = socket.default_value
-    return value if isinstance(value, float | int | str) else list(value)
-
-
 def parameters(before: Mapping[str, Any], now: Mapping[str, Value]) -> list[str]:
     """Parameters are stored as they were given: the same number reads as the same value."""
     return [
@@ -180,14 +164,20 @@ def _shown(value: object) -> str:
         return str(value)
 
 
+def _parts_of(model: Model, values: Values) -> list[str]:
+    """What a bake with these settings depends on beside the medium."""
+    return [part for part in sorted(model.rebakes_on(model.values(values))) if part in PARTS]
+
+
 def _parts(
-    scene: bpy.types.Scene, volume: bpy.types.Object, model: Model, before: Mapping[str, str]
+    scene: bpy.types.Scene, volume: bpy.types.Object, model: Model, metadata: Mapping[str, Any]
 ) -> list[str]:
     """The lights' and the camera's digests against those of the bake."""
-    parts = [part for part in sorted(model.rebake_on) if part in PARTS]
-    if not parts:
-        return []
+    before = metadata["inputs"]
     try:
+        parts = _parts_of(model, metadata["parameters"])
+        if not parts:
+            return []
         bare = outline(scene, volume)
         return [
             f"the {part} has changed"

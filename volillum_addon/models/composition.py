@@ -152,6 +152,7 @@ def compose(assignments: Mapping[str, str], models: Mapping[str, Model]) -> Comp
         ),
         lights=frozenset().union(*(part.kinds for part in parts)),
         rebake_on=frozenset().union(*(part.model.rebake_on for part in parts)),
+        rebake_when=partial(_rebake_when, parts),
         operator=_no_operator,
         solve=partial(_solve, parts),
         radiance=partial(_radiance, parts),
@@ -208,6 +209,10 @@ def _first_look(parts: tuple[Part, ...]) -> Values:
     for part in parts:
         together |= part.named(part.model.first_look)
     return together
+
+
+def _rebake_when(parts: tuple[Part, ...], values: Values) -> frozenset[str]:
+    return frozenset().union(*(part.model.rebake_when(part.values(values)) for part in parts))
 
 
 def _resolve(parts: tuple[Part, ...], scene: Scene, values: Values) -> Values:

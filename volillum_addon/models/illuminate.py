@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from ..core.control import Control
+from ..core.errors import bad
 from ..core.grid import Grid
 from ..core.lights import Light, shines
 from ..core.scene import Scene
@@ -74,10 +75,19 @@ def bake(
 
 
 def relight(volume: IlluminationVolume, lights: tuple[Light, ...]) -> IlluminationVolume:
-    """The same channels under other lights: no new visibility, where the model allows that."""
+    """The same channels under other lights: no new visibility, where the model allows that.
+    Raises InputError where the bake has not stored what these lights need."""
     model = get(volume.model)
-    known = model.known(lights)
-    return volume.with_radiance(model.radiance(known, volume.medium, volume.parameters))
+    terms = model.radiance(model.known(lights), volume.medium, volume.parameters)
+    for factor in (factor for term in terms for factor in term.factors):
+        grid = volume.channels.get(factor.channel)
+        if grid is None or (factor.component or 0) >= grid.channels:
+            raise bad(
+                "the bake",
+                f"no {factor.channel} of component {factor.component or 0}",
+                "the channels that the new lights need: bake again under them",
+            )
+    return volume.with_radiance(terms)
 
 
 def left_out(scene: Scene, model: str) -> tuple[str, ...]:

@@ -78,7 +78,7 @@ class Model:
     `largest_g` is the largest |g| of a medium that it can serve.
     `averages` tells that its values are means over voxels, not values at their centres.
     `lights` are the kinds of light that it represents; `rebake_on` the scene's parts whose change
-    makes its channels stale.
+    makes its channels stale, `rebake_when(values)` those that some settings add to them.
     """
 
     id: str
@@ -98,6 +98,7 @@ class Model:
     largest_g: float = LARGEST_G
     averages: bool = False
     resolve: Callable[[Scene, Values], Values] | None = None
+    rebake_when: Callable[[Values], frozenset[str]] = lambda values: frozenset()
     remarks: Callable[[IlluminationVolume], tuple[str, ...]] = lambda volume: ()
 
     def values(self, given: Mapping[str, object]) -> dict[str, Value]:
@@ -111,6 +112,10 @@ class Model:
     def resolved(self, scene: Scene, values: Values) -> Values:
         """`values` with what follows the scene put in."""
         return values if self.resolve is None else self.resolve(scene, values)
+
+    def rebakes_on(self, values: Values) -> frozenset[str]:
+        """The scene's parts whose change makes a bake with these settings stale."""
+        return self.rebake_on | self.rebake_when(values)
 
     @property
     def first_look(self) -> Values:

@@ -27,7 +27,7 @@ from ..core.medium import Medium
 from ..core.scene import Scene
 from .engines import sweep
 from .model import Model, Need, Parameter, Values
-from .operator import Operator, truncated_radiance
+from .operator import Operator, highest_band, truncated_radiance
 from .published import ALGORITHM, LOCAL_RADIUS, composed_harmonics, is_published
 from .settings import NEAR_SLICES
 from .volume import Factor, IlluminationVolume, RadianceTerm
@@ -53,7 +53,7 @@ def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
     """V_lm. Grey extinction: `coefficients_0`, ... with three coefficients each (the last one with
     what remains). Chromatic: one RGB channel `coefficient_0`, ... each."""
     vectors, weights = sphere_rule(int(values["directions"]))
-    count = harmonics.count(int(values["order"]))
+    count = _stored(scene.lights, values)
     basis = harmonics.evaluate(vectors)[:, :count] * (4 * math.pi * weights)[:, None]
     sigma_t = scene.medium.sigma_t
     near, radius = int(values["near"]), float(values["radius"])
@@ -74,6 +74,14 @@ def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
         values_xyz = _interleaved(some) if len(some) > 1 else some[0]
         channels[name] = sigma_t.with_values(values_xyz, name)
     return channels
+
+
+def _stored(lights: tuple[Light, ...], values: Values) -> int:
+    """How many coefficients a bake under these lights holds."""
+    order = int(values["order"])
+    if values["bands"] == "lit":
+        order = min(order, max((highest_band(light) for light in lights), default=0))
+    return harmonics.count(order)
 
 
 def _interleaved(planes: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -102,9 +110,8 @@ def composed(
     for index, planes in enumerate(local):
         begin, end = (0.3 + 0.7 * (index + part) / len(local) for part in (0, 1))
         with control.stage(begin, end, "composing"):
-            result.append(
-                composed_harmonics(planes, sigma_t, int(values["order"]), step, reach, control)
-            )
+            order = math.isqrt(len(planes)) - 1
+            result.append(composed_harmonics(planes, sigma_t, order, step, reach, control))
     return np.stack(result)
 
 
@@ -112,7 +119,7 @@ def radiance(lights: tuple[Light, ...], medium: Medium, values: Values) -> tuple
     """L_i = 1 / (4 pi) sum of L_lm V_lm: relighting is these weights alone."""
     coefficients = truncated_radiance(operator(values), lights) / (4 * math.pi)
     terms = []
-    for index in range(harmonics.count(int(values["order"]))):
+    for index in range(_stored(lights, values)):
         red, green, blue = coefficients[index]
         if red == green == blue == 0:
             continue
@@ -126,12 +133,12 @@ def radiance(lights: tuple[Light, ...], medium: Medium, values: Values) -> tuple
 
 
 def coefficients(volume: IlluminationVolume) -> NDArray[np.float32]:
-    """V_lm of a bake, [(order + 1)^2, i, j, k, 1 or 3]."""
-    count = harmonics.count(int(volume.parameters["order"]))
+    """V_lm of a bake, [(order + 1)^2, i, j, k, 1 or 3]; fewer where only lit bands are stored."""
+    stored = len(volume.channels)
     if volume.medium.sigma_t.channels == 3:
-        return np.stack([volume.channels[f"coefficient_{n}"].values for n in range(count)])
-    packs = [volume.channels[f"coefficients_{n}"] for n in range((count + PACK - 1) // PACK)]
-    return np.concatenate([pack.planes() for pack in packs])[:count, ..., None]
+        return np.stack([volume.channels[f"coefficient_{n}"].values for n in range(stored)])
+    packs = [volume.channels[f"coefficients_{n}"].planes() for n in range(stored)]
+    return np.concatenate(packs)[..., None]
 
 
 MODEL = Model(
@@ -143,6 +150,13 @@ MODEL = Model(
     summary="Light from all around, stored so that new lights need no new bake; soft only.",
     parameters=(
         Parameter("order", 3, "Highest band: 0 ambient, 3 sixteen coefficients", 0, 3),
+        Parameter(
+            "bands",
+            "all",
+            "What is stored: all bands, which serve any later light, or those up to the highest in "
+            "which today's lights have energy (of a sky of one radiance band 0 alone)",
+            choices=("all", "lit"),
+        ),
         Parameter(
             "directions",
             256,
@@ -172,6 +186,7 @@ MODEL = Model(
     ),
     lights=frozenset({"distant", "environment"}),
     rebake_on=frozenset({"extinction"}),
+    rebake_when=lambda values: frozenset({"highest lit band"} if values["bands"] == "lit" else ()),
     operator=operator,
     solve=solve,
     radiance=radiance,
