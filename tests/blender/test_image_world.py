@@ -48,7 +48,7 @@ def test_another_image_makes_it_stale(under_image: bpy.types.Scene) -> None:
     assert changes(scene) == ("the light shape has changed",)
 
 
-def test_a_higher_lit_band_makes_it_stale_only_where_they_change(under_image: bpy.types.Scene) -> None:
+def test_only_another_highest_lit_band_makes_it_stale(under_image: bpy.types.Scene) -> None:
     scene = under_image
     scene.volillum.model = "spherical_harmonics"
     scene.volillum.spherical_harmonics.bands = "lit"
