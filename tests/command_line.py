@@ -30,6 +30,18 @@ class Result:
         return lines[0].removeprefix("volillum: ")
 
 
+def start(folder: Path, *arguments: str) -> subprocess.Popen[str]:
+    """The command line as a process of its own."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "volillum_addon", *arguments],
+        cwd=folder,
+        env=ENVIRONMENT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
 def session(folder: Path, *calls: list[str]) -> list[Result]:
     """The calls, one after another, in a fresh process whose working directory is `folder`."""
     (folder / "calls.json").write_text(json.dumps(calls))

@@ -9,7 +9,8 @@ from typing import Any
 
 import bpy
 import pytest
-from plumes import plume_scene
+from command_line import session
+from plumes import plume_scene, write_plume
 
 import volillum_addon
 from volillum_addon.blender.jobs import Job, Work
@@ -59,3 +60,14 @@ def start_job() -> Iterator[Callable[[Work[Any]], Job[Any]]]:
         job.cancel()
         with contextlib.suppress(Exception):
             job.result()
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with plume.vdb and plume.blend."""
+    folder = tmp_path_factory.mktemp("made")
+    write_plume(folder / "plume.vdb")
+    (result,) = session(folder, ["scene", "plume.vdb", "-o", "plume.blend"])
+    assert (result.status, result.out, result.err) == (0, "plume.blend\n", "")
+    assert sorted(path.suffix for path in folder.iterdir()) == [".blend", ".json", ".json", ".vdb"]
+    return folder
