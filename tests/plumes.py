@@ -12,7 +12,9 @@ import numpy as np
 from volillum_addon.bake.grids import read_grid, to_vdb
 from volillum_addon.bake.openvdb_module import openvdb
 from volillum_addon.blender import scene_builder, scene_presets
+from volillum_addon.blender.extent import Extent
 from volillum_addon.core.grid import Grid
+from volillum_addon.readers.frames import VolumeFiles
 
 SHAPE = (12, 15, 19)
 
@@ -38,7 +40,8 @@ def plume_scene(path: Path, shape: tuple[int, int, int] = SHAPE) -> Iterator[bpy
     before = {block.session_uid for block in bpy.data.user_map()}
     write_plume(path, shape)
     scene = bpy.data.scenes.new("plume")
-    scene_builder.build_scene(scene, path, read_grid(path), scene_presets.load("default"))
+    extent = Extent.of(read_grid(path))
+    scene_builder.build_scene(scene, VolumeFiles(path), extent, scene_presets.load("default"))
     scene.view_layers[0].update()
     try:
         yield scene

@@ -14,9 +14,10 @@ from mathutils import Vector
 from plumes import plume_scene, write_plume
 
 from volillum_addon.bake.grids import read_grid
-from volillum_addon.blender import scene_builder, scene_presets
+from volillum_addon.blender import extent, scene_builder, scene_presets
 from volillum_addon.blender.render import render_image, set_cycles
 from volillum_addon.core.errors import InputError
+from volillum_addon.readers.frames import VolumeFiles
 
 
 @pytest.fixture
@@ -56,7 +57,7 @@ def test_the_camera_frames_all_matter_within_the_margins(
 ) -> None:
     grid = read_grid(tmp_path / "plume.vdb")
     margin = scene_presets.load("default").camera.margin
-    matter = np.argwhere(grid.values > scene_builder.HAZE * grid.values.max())
+    matter = np.argwhere(grid.values > extent.HAZE * grid.values.max())
     places = [
         world_to_camera_view(scene, scene.camera, Vector(point))
         for point in grid.to_world(matter.astype(float))
@@ -120,7 +121,7 @@ def test_a_saved_scene_moves_together_with_its_volume(tmp_path: Path) -> None:
     here.mkdir()
     write_plume(here / "plume.vdb")
     preset = scene_presets.load("default")
-    scene_builder.save_scene(here / "plume.vdb", preset, here / "deep" / "plume.blend")
+    scene_builder.save_scene(VolumeFiles(here / "plume.vdb"), preset, here / "deep" / "plume.blend")
     assert sorted(path.name for path in here.rglob("*")) == ["deep", "plume.blend", "plume.vdb"]
     shutil.move(here, there)
     with bpy.data.libraries.load(str(there / "deep" / "plume.blend")) as (found, _):
@@ -136,7 +137,7 @@ def test_a_saved_scene_moves_together_with_its_volume(tmp_path: Path) -> None:
 def test_a_saved_scene_opens_on_what_its_camera_sees(tmp_path: Path) -> None:
     write_plume(tmp_path / "plume.vdb")
     preset = scene_presets.load("default")
-    scene_builder.save_scene(tmp_path / "plume.vdb", preset, tmp_path / "plume.blend")
+    scene_builder.save_scene(VolumeFiles(tmp_path / "plume.vdb"), preset, tmp_path / "plume.blend")
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "plume.blend"))
     areas = [area for screen in bpy.data.screens for area in screen.areas]
     spaces = [area.spaces.active for area in areas if area.type == "VIEW_3D"]
@@ -149,8 +150,8 @@ def test_a_saved_scene_opens_on_what_its_camera_sees(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
-    write_plume(tmp_path / "plume.vdb")
+    files = VolumeFiles(write_plume(tmp_path / "plume.vdb"))
     (tmp_path / "file").write_text("")
     preset = scene_presets.load("default")
     with pytest.raises(OSError, match="file"):
-        scene_builder.save_scene(tmp_path / "plume.vdb", preset, tmp_path / "file" / "x.blend")
+        scene_builder.save_scene(files, preset, tmp_path / "file" / "x.blend")

@@ -50,4 +50,5 @@ def test_the_scenes_medium_is_the_transfer_functions(tmp_path: Path, transfer: s
         wide = wanted.values.reshape(len(places), -1)
         # sigma_t is put together again from two float32.
         np.testing.assert_allclose(values, np.broadcast_to(wide, values.shape), rtol=1e-6)
-    assert sorted(file.suffix for file in target.parent.iterdir()) == [".blend", ".vdb"]
+    # The medium, and the values that the scene's transfer function maps.
+    assert sorted(file.suffix for file in target.parent.iterdir()) == [".blend", ".vdb", ".vdb"]

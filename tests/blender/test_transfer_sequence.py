@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,12 +10,10 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
-from blender_scenes import write_grids
-from plumes import plume
+from puffs import FRAMES, empty_file, puffs
 from recording_layout import RecordingLayout
 
 from volillum_addon.bake.frame_files import files, frame_file
-from volillum_addon.bake.openvdb_module import openvdb
 from volillum_addon.bake.vdb import read_metadata, read_vdb
 from volillum_addon.blender import (
     child,
@@ -30,30 +27,11 @@ from volillum_addon.blender import (
     work,
 )
 from volillum_addon.blender.scene_reader import read_scene
-from volillum_addon.core.control import Cancelled, Control
-from volillum_addon.core.errors import InputError
+from volillum_addon.core.control import Control
 from volillum_addon.core.medium import Medium
-from volillum_addon.readers import sequence, transfer_presets
+from volillum_addon.readers import transfer_presets
 from volillum_addon.readers.formats import read_volume
 from volillum_addon.readers.medium_file import medium_of
-from volillum_addon.readers.source import Options
-
-FRAMES = (2, 3, 4)
-
-
-def puffs(directory: Path) -> Path:
-    """Three frames that rise, widen their box and grow brighter; the first file."""
-    directory.mkdir(exist_ok=True)
-    for frame in FRAMES:
-        grid = plume((12, 15, 15 + 2 * frame))
-        write_grids(directory / f"puff_{frame:04d}.vdb", grid.with_values(grid.values * frame))
-    return directory / f"puff_{FRAMES[0]:04d}.vdb"
-
-
-def empty_file(path: Path) -> None:
-    grid = openvdb().FloatGrid()
-    grid.name = "density"
-    openvdb().write(str(path), grids=[grid])
 
 
 @pytest.fixture
@@ -267,81 +245,6 @@ def test_what_is_missing_or_wrong_is_said(lit: bpy.types.Scene, tmp_path: Path) 
     frame_file(transfer.source_of(material(lit)), 3).unlink()
     with pytest.raises(RuntimeError, match=r"_0003\.vdb; expected every imported frame \(import"):
         bpy.ops.volillum.apply_transfer()
-
-
-def test_an_import_that_was_stopped_goes_on_where_it_was(tmp_path: Path) -> None:
-    source = importing.file_source(puffs(tmp_path / "in"))
-    out = tmp_path / "out"
-
-    def run(control: Control) -> importing.Imported:
-        return importing.read(source, out, 0, Options(), "smoke", control)
-
-    whole = run(Control())
-    names = {file.name: file.read_bytes() for file in out.iterdir()}
-    assert len(names) == 6
-    for stop_after in (1, 3, 4):
-        shutil.rmtree(out)
-        stopping = _Stopping(out, stop_after)
-        with pytest.raises(Cancelled):
-            run(stopping)
-        kept = {file: file.stat().st_mtime_ns for file in out.iterdir()}
-        assert len(kept) >= stop_after
-        assert len(kept) < 6
-        assert run(Control()).medium == whole.medium
-        assert {file.name for file in out.iterdir()} == set(names)
-        assert all(file.stat().st_mtime_ns == time for file, time in kept.items())
-
-
-class _Stopping(Control):
-    """Cancels itself once there are so many files."""
-
-    def __init__(self, folder: Path, count: int) -> None:
-        super().__init__()
-        self._folder, self._count = folder, count
-
-    def check(self) -> None:
-        if self._folder.is_dir() and len(list(self._folder.glob("*.vdb"))) >= self._count:
-            self.cancel()
-        super().check()
-
-
-def test_other_content_has_other_names(tmp_path: Path) -> None:
-    first = puffs(tmp_path / "in")
-    source = importing.file_source(first)
-    sources = dict(source.frames)
-    before = sequence.read_frames(sources, tmp_path / "out", "puff", 0, Options())
-    same = sequence.read_frames(sources, tmp_path / "out", "puff", 0, Options())
-    assert same.files == before.files
-    grid = plume()
-    write_grids(frame_file(first, 3), grid.with_values(grid.values * 9))
-    after = sequence.read_frames(sources, tmp_path / "out", "puff", 0, Options())
-    assert not set(after.files) & set(before.files)
-    assert after.about.high > before.about.high
-    del sources[3]
-    fewer = sequence.read_frames(sources, tmp_path / "out", "puff", 0, Options())
-    assert not set(fewer.files) & {*after.files, *before.files}
-
-
-def test_a_sequence_without_matter_is_refused(tmp_path: Path) -> None:
-    for frame in FRAMES:
-        empty_file(tmp_path / f"void_{frame:04d}.vdb")
-    source = importing.file_source(tmp_path / "void_0002.vdb")
-    with pytest.raises(InputError, match="every frame of void is empty; expected matter"):
-        sequence.read_frames(source.frames, tmp_path / "out", "void", 0, Options())
-    assert not list((tmp_path / "out").iterdir())
-
-
-def test_a_damaged_frame_is_named_and_nothing_is_left(
-    scene: bpy.types.Scene, tmp_path: Path
-) -> None:
-    first = puffs(tmp_path / "in")
-    damaged = frame_file(first, 4)
-    damaged.write_bytes(damaged.read_bytes()[:-200])
-    before = set(scene.objects)
-    with pytest.raises(RuntimeError, match=r"puff_0004\.vdb is cut off or damaged"):
-        bpy.ops.volillum.import_volume(filepath=str(first), transfer="smoke")
-    assert set(scene.objects) == before
-    assert not list((tmp_path / "out").iterdir())
 
 
 def test_values_that_moved_with_their_sequence_are_found(

@@ -13,6 +13,7 @@ from plumes import write_plume
 
 from volillum_addon.blender import places, showing, stage, staleness, work
 from volillum_addon.core.errors import InputError
+from volillum_addon.readers.frames import VolumeFiles
 
 NEW = "The lights have changed: Baked, beside Scattering, relights"
 
@@ -23,7 +24,7 @@ def project(extension: None, tmp_path: Path) -> Iterator[Path]:
     folder = tmp_path / "project"
     folder.mkdir()
     path = folder / "plume.blend"
-    work.make_scene(write_plume(folder / "plume.vdb"), "default", path)
+    work.make_scene(VolumeFiles(write_plume(folder / "plume.vdb")), "default", path)
     bpy.ops.wm.open_mainfile(filepath=str(path))
     settings = bpy.context.scene.volillum
     settings.model = "multidirectional_occlusion"

@@ -14,11 +14,12 @@ import pytest
 from plumes import write_plume
 from recording_layout import RecordingLayout
 
-from volillum_addon.blender import import_operators, importing, transfer
+from volillum_addon.blender import import_operators, transfer
 from volillum_addon.blender.jobs import Job
 from volillum_addon.blender.scene_reader import read_scene
 from volillum_addon.readers import transfer_presets
 from volillum_addon.readers.formats import read_volume
+from volillum_addon.readers.frames import sequence_of
 from volillum_addon.readers.imported import read_about
 from volillum_addon.readers.medium_file import medium_of
 
@@ -183,8 +184,8 @@ def test_a_sequence_is_known_by_its_numbers(empty: bpy.types.Scene, tmp_path: Pa
     assert (item.data.frame_start, item.data.frame_duration) == (3, 3)
     empty.frame_set(5)
     with bpy.context.temp_override(scene=empty):
-        assert importing.sequence_frames(tmp_path / "plume_0004.vdb") == [3, 4, 5]
-    assert importing.sequence_frames(tmp_path / "plume_0007.vdb") == [7]
+        assert list(sequence_of(tmp_path / "plume_0004.vdb").frames) == [3, 4, 5]
+    assert not sequence_of(tmp_path / "plume_0007.vdb").frames
 
 
 def test_several_dropped_files_are_one_volume(empty: bpy.types.Scene, tmp_path: Path) -> None:

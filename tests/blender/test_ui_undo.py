@@ -8,6 +8,7 @@ import pytest
 from plumes import write_plume
 
 from volillum_addon.blender import staleness, transfer, work
+from volillum_addon.readers.frames import VolumeFiles
 
 # A script's call leaves no step to undo unless it asks for one, as a button's does.
 PRESSED = ("EXEC_DEFAULT", True)
@@ -19,7 +20,7 @@ OLDER = "An older bake is shown: Baked, beside Scattering, shows the new one"
 def file(extension: None, tmp_path: Path) -> Path:
     """An open .blend, its settings made; undo replaces all data, so nothing of it is kept."""
     path = tmp_path / "plume.blend"
-    work.make_scene(write_plume(tmp_path / "plume.vdb"), "default", path)
+    work.make_scene(VolumeFiles(write_plume(tmp_path / "plume.vdb")), "default", path)
     bpy.ops.wm.open_mainfile(filepath=str(path))
     settings().multidirectional_occlusion.directions = settings().spherical_harmonics.directions = 8
     set_model("multidirectional_occlusion")

@@ -66,7 +66,9 @@ def test_the_commands_run_one_after_another(folder: Path) -> None:
             assert program == "volillum"
             run([sys.executable, "-m", "volillum_addon", *arguments], folder)
     assert len(list((folder / "frames").glob("*.vdb"))) == 3
-    assert len(list((folder / "puffs").glob("*.ambient_occlusion.*.vdb"))) == 2
+    for name, count in (("puffs", 2), ("steams", 3), ("faints", 2)):
+        assert len(list((folder / name).glob("*.ambient_occlusion.*.vdb"))) == count
+    assert len(list(folder.glob("coarse_*.vdb"))) == 2
 
 
 @pytest.mark.parametrize("model", MODELS)

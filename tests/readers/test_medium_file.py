@@ -15,8 +15,10 @@ from volillum_addon.core.grid import Grid
 from volillum_addon.core.transfer_function import TransferFunction
 from volillum_addon.readers import transfer_presets
 from volillum_addon.readers.formats import import_volume, read_volume, stem_of
+from volillum_addon.readers.frames import VolumeFiles
 from volillum_addon.readers.imported import About
-from volillum_addon.readers.medium_file import apply, is_medium, lit_file, medium_of, write_medium
+from volillum_addon.readers.matter import as_it_is, read_matter
+from volillum_addon.readers.medium_file import apply, is_medium, medium_of, write_medium
 
 RAMP = TransferFunction(
     values=[-1000, 0, 500], density=[0, 0.25, 1], albedo=[[0.2, 0.4, 0.8]] * 2 + [[1, 0.9, 0.5]],
@@ -116,12 +118,27 @@ def test_cancelling_leaves_nothing(tmp_path: Path) -> None:
 
 
 def test_a_vdb_without_a_transfer_function_is_lit_as_it_is(tmp_path: Path) -> None:
-    grid, about = read_volume(volume(tmp_path))
-    medium = write_medium((grid, about), RAMP, tmp_path, "ct")
-    assert lit_file(medium, None, tmp_path / "out") == medium
-    made = lit_file(volume(tmp_path), "ct_skin", tmp_path / "out")
-    assert made.parent == tmp_path / "out"
-    assert made.name.startswith("ct.")
+    path = volume(tmp_path)
+    medium = VolumeFiles(write_medium(read_volume(path), RAMP, tmp_path, "ct"))
+    assert as_it_is(medium, 0, None)
+    assert not as_it_is(medium, 1, None)
+    assert not as_it_is(medium, 0, "smoke")
+    assert not as_it_is(VolumeFiles(path), 0, None)
+    # An import's values are Hounsfield units here, and no densities.
+    import_volume(path, tmp_path / "in.vdb")
+    assert not as_it_is(VolumeFiles(tmp_path / "in.vdb"), 0, None)
+
+
+def test_values_and_medium_are_written_together_or_not_at_all(tmp_path: Path) -> None:
+    files, out = VolumeFiles(volume(tmp_path)), tmp_path / "out"
+    made = read_matter(files, out, transfer="ct_skin")
+    assert sorted(out.iterdir()) == sorted([made.values, made.medium])
+    assert made.medium.name.startswith("ct.")
+    assert made.files.stem == "ct"
+    np.save(tmp_path / "dark.npy", np.full((3, 3, 3), -1000, np.float32))
+    with pytest.raises(InputError, match=r"makes all of dark\.npy clear"):
+        read_matter(VolumeFiles(tmp_path / "dark.npy"), tmp_path / "none", transfer="ct_bone")
+    assert not (tmp_path / "none").exists()
 
 
 def about(counts: tuple[int, ...], low: float, high: float) -> About:

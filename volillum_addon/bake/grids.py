@@ -41,6 +41,19 @@ def grid_names(path: Path | str) -> tuple[str, ...]:
     return tuple(grid.name for grid in grids)
 
 
+def grid_name(path: Path | str, name: str | None = None) -> str:
+    """The name that `read_grid` reads; InputError for a missing grid or a file that is no VDB."""
+    names = grid_names(path)
+    have = ", ".join(map(repr, names)) or "none"
+    if name is None:
+        if len(names) == 1:
+            return names[0]
+        name = "density"
+    if name not in names:
+        raise bad(f"grid {name!r}", "missing", f"one of the file's grids: {have}", str(path))
+    return name
+
+
 def read_grid(path: Path | str, name: str | None = None) -> Grid:
     """A float, half, double or Vec3S grid of a VDB file, dense over the box of its active voxels.
 
@@ -49,7 +62,7 @@ def read_grid(path: Path | str, name: str | None = None) -> Grid:
     other than 0, NaN or infinity, a singular transform.
     """
     where = Path(path)
-    chosen = _choose(where, grid_names(where), name)
+    chosen = grid_name(where, name)
     grid = _call(where, lambda: openvdb().read(str(where), chosen))
     label = f"grid {chosen!r} of {where}"
     check_readable(grid, label)
@@ -130,17 +143,6 @@ def _check_half(grid: Grid, name: str) -> None:
             f"{largest:g}",
             f"{HALF_SMALLEST:g} to {HALF_LARGEST:g} for half precision (or full floats)",
         )
-
-
-def _choose(path: Path, names: tuple[str, ...], name: str | None) -> str:
-    have = ", ".join(map(repr, names)) or "none"
-    if name is None:
-        if len(names) == 1:
-            return names[0]
-        name = "density"
-    if name not in names:
-        raise bad(f"grid {name!r}", "missing", f"one of the file's grids: {have}", str(path))
-    return name
 
 
 def _call[Result](path: Path, read: Callable[[], Result]) -> Result:

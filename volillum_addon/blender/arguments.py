@@ -43,3 +43,14 @@ def positive(text: str) -> float:
 def percent(text: str) -> float:
     """`2` or `2%` as 0.02."""
     return positive(text.strip().removesuffix("%")) / 100
+
+
+def frame_range(text: str) -> range:
+    """`3` or `1-240`."""
+    first, dash, last = text.partition("-")
+    if not first.isdecimal() or (dash and not last.isdecimal()):
+        raise argparse.ArgumentTypeError(f"{text!r} is not A-B, two frames of 0 or more")
+    frames = range(int(first), int(last or first) + 1)
+    if not frames:
+        raise argparse.ArgumentTypeError(f"{text!r} ends before it begins")
+    return frames

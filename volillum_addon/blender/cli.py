@@ -17,7 +17,7 @@ from ..core.control import Cancelled
 from ..models.composition import FORM
 from ..models.registry import MODELS
 from . import analyse_command, compare_command, gallery_command, import_command, scene_presets
-from .arguments import model_id, model_ids, positive
+from .arguments import frame_range, model_id, model_ids, positive
 from .describe import as_json, as_markdown, as_text
 from .failures import EXPECTED, one_line
 from .model_page import as_page
@@ -105,7 +105,7 @@ def _add_bake(command: argparse.ArgumentParser) -> None:
     )
     command.add_argument(
         "--frames",
-        type=_frames,
+        type=frame_range,
         metavar="A-B",
         help="bake these frames as a sequence, and print a line of JSON for each",
     )
@@ -188,16 +188,6 @@ def _assignment(text: str) -> tuple[str, str]:
     return name, value
 
 
-def _frames(text: str) -> range:
-    first, dash, last = text.partition("-")
-    if not first.isdecimal() or (dash and not last.isdecimal()):
-        raise argparse.ArgumentTypeError(f"{text!r} is not A-B, two frames of 0 or more")
-    frames = range(int(first), int(last or first) + 1)
-    if not frames:
-        raise argparse.ArgumentTypeError(f"{text!r} ends before it begins")
-    return frames
-
-
 def _models(options: argparse.Namespace) -> None:
     if options.json:
         print(json.dumps([as_json(model) for model in MODELS.values()], indent=2, allow_nan=False))
@@ -224,9 +214,11 @@ def _hardcases(options: argparse.Namespace) -> None:
 
 def _make_scene(options: argparse.Namespace) -> None:
     from . import commands
+    from .scene_builder import check_target
 
-    volume = import_command.lit_volume(options, options.output.parent)
-    print(commands.make_scene(volume, options.preset, options.output))
+    check_target(options.output)
+    files, imported = import_command.lit_volume(options, options.output.parent)
+    print(commands.make_scene(files, options.preset, options.output, options.grid, imported))
 
 
 def _bake(options: argparse.Namespace) -> None:

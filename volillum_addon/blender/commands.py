@@ -15,13 +15,15 @@ from ..compare import unfinished
 from ..compare.measure import Options
 from ..compare.table import text
 from ..core.errors import InputError, bad, choice
+from ..readers.frames import VolumeFiles
+from ..readers.matter import Imported
 from ..resources import PRESETS
 from .terminal import quiet, watched
 
 with quiet():
     import bpy
 
-    from . import animation, comparing, properties, work
+    from . import animation, comparing, properties, transfer, work
 
 DEMO_VOLUME = PRESETS / "volumes" / "smoke.vdb"
 DEMO_PRESET = "smoke"
@@ -57,10 +59,16 @@ class Thoroughness:
         )
 
 
-def make_scene(volume: Path, preset: str, target: Path) -> str:
+def make_scene(
+    files: VolumeFiles,
+    preset: str,
+    target: Path,
+    grid: str | None = None,
+    imported: Imported | None = None,
+) -> str:
     """Make the scene; the file's path."""
-    with quiet():
-        work.make_scene(volume, preset, target)
+    with quiet(), settings_readable(), watched(f"making {target.name}") as control:
+        work.make_scene(files, preset, target, grid, imported, control)
     return str(target)
 
 
@@ -186,7 +194,7 @@ def resume(
 def demo(thoroughness: Thoroughness, directory: Path, progress_seconds: float | None) -> str:
     """The main job on the volume that comes with the program."""
     file = directory / f"{DEMO_VOLUME.stem}.blend"
-    make_scene(DEMO_VOLUME, DEMO_PRESET, file)
+    make_scene(VolumeFiles(DEMO_VOLUME), DEMO_PRESET, file)
     return compare(file, None, (), thoroughness, directory, progress_seconds)
 
 
@@ -203,14 +211,16 @@ def opened(file: Path | None, name: str | None) -> Iterator[bpy.types.Scene]:
 
 @contextmanager
 def settings_readable() -> Iterator[None]:
-    """Scenes have their settings, even where the extension is not enabled."""
+    """Scenes and materials have their settings, even where the extension is not enabled."""
     registered = properties.is_registered()
     if not registered:
         properties.register()
+        transfer.register()
     try:
         yield
     finally:
         if not registered:
+            transfer.unregister()
             properties.unregister()
 
 

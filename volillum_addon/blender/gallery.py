@@ -28,9 +28,11 @@ from ..models.image import line_integral
 from ..models.model import Values
 from ..models.registry import get
 from ..readers import medium_file
+from ..readers.frames import VolumeFiles
 from . import work
 from .analysis_text import plain
 from .cycles import CyclesRenderer
+from .extent import Extent
 from .gallery_presets import Exhibit
 from .scene_builder import save_scene_of
 
@@ -58,7 +60,7 @@ def make_scene(entry: Exhibit, directory: Path) -> Path:
     medium = entry.load().trimmed(0)
     volume, file = directory / f"{entry.name}.vdb", directory / f"{entry.name}.blend"
     medium_file.store(medium, volume, {"gallery": entry.name})
-    save_scene_of(volume, medium.sigma_t, entry.preset, file)
+    save_scene_of(VolumeFiles(volume), Extent.of(medium.sigma_t), entry.preset, file)
     return file
 
 

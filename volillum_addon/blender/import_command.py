@@ -6,23 +6,47 @@ import argparse
 import sys
 from pathlib import Path
 
+from ..core.errors import bad
 from ..readers import transfer_presets
 from ..readers.formats import FORMATS, import_volume
+from ..readers.frames import Name, VolumeFiles, chosen
 from ..readers.gather import MOST_LEVEL
 from ..readers.imported import About
-from ..readers.medium_file import lit_file
+from ..readers.matter import Imported, as_it_is, read_matter
 from ..readers.raw import BYTE_ORDERS, TYPES, from_json
+from ..readers.sequence import import_frames
 from ..readers.source import Options, RawLayout
+from .arguments import frame_range
 from .terminal import watched
 
 
 def add(command: argparse.ArgumentParser) -> None:
     """What `volillum import` understands."""
     command.description = "Reads " + ", ".join(each.label for each in FORMATS) + "."
-    command.add_argument("volume", type=Path, metavar="VOLUME", help="a file, or a series' folder")
-    command.add_argument("-o", "--output", type=Path, required=True, metavar="OUT.vdb")
+    _add_volume(command, "a file, or a series' folder")
+    command.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        required=True,
+        metavar="OUT.vdb",
+        help="of a sequence as well with #: out_####.vdb",
+    )
     add_reading(command)
     command.set_defaults(run=_import)
+
+
+def _add_volume(command: argparse.ArgumentParser, what: str) -> None:
+    command.add_argument(
+        "volume",
+        type=Path,
+        nargs="+",
+        metavar="VOLUME",
+        help=f"{what}; a sequence as smoke_####.vdb, # for its frames' digits, or all its files",
+    )
+    command.add_argument(
+        "--frames", type=frame_range, metavar="A-B", help="only these of a sequence"
+    )
 
 
 def add_reading(command: argparse.ArgumentParser) -> None:
@@ -49,7 +73,7 @@ def add_reading(command: argparse.ArgumentParser) -> None:
 
 def add_lit_volume(command: argparse.ArgumentParser) -> None:
     """A volume of any format to light, and how it is seen."""
-    command.add_argument("volume", type=Path, metavar="VOLUME", help="a .vdb, or any other format")
+    _add_volume(command, "a .vdb, or any other format")
     command.add_argument(
         "--transfer",
         choices=transfer_presets.names(),
@@ -58,12 +82,16 @@ def add_lit_volume(command: argparse.ArgumentParser) -> None:
     add_reading(command)
 
 
-def lit_volume(options: argparse.Namespace, directory: Path) -> Path:
-    """The VDB file to light, made in `directory` where need be."""
-    with watched(f"reading {options.volume.name}") as control:
-        return lit_file(
-            options.volume, options.transfer, directory, options.level, reading(options), control
+def lit_volume(options: argparse.Namespace, directory: Path) -> tuple[VolumeFiles, Imported | None]:
+    """The VDB files to light, and what they were imported as: made in `directory` where need be."""
+    files = chosen(options.volume, options.frames)
+    if as_it_is(files, options.level, options.transfer):
+        return files, None
+    with watched(f"reading {files.label}") as control:
+        imported = read_matter(
+            files, directory.absolute(), options.level, reading(options), options.transfer, control
         )
+    return imported.files, imported
 
 
 def reading(options: argparse.Namespace) -> Options:
@@ -101,10 +129,20 @@ def describe(about: About) -> str:
 
 
 def _import(options: argparse.Namespace) -> None:
-    with watched(f"importing {options.volume.name}") as control:
-        about = import_volume(
-            options.volume, options.output, options.level, reading(options), control
-        )
-    for line in (describe(about), *(f"note: {note}" for note in about.notes)):
+    files = chosen(options.volume, options.frames)
+    name = Name.hashed(options.output)
+    if (name is None) == bool(files.frames):
+        wanted = "one with # for the frame's number, as" if files.frames else "one file's, as"
+        example = "out_####.vdb" if files.frames else "out.vdb"
+        raise bad("the file to write", repr(options.output.name), f"{wanted} {example}")
+    with watched(f"importing {files.label}") as control:
+        if name is None:
+            about = import_volume(
+                files.path, options.output, options.level, reading(options), control
+            )
+        else:
+            about = import_frames(files, name, options.level, reading(options), control)
+    frames = f"{len(files.frames)} frames, " if files.frames else ""
+    for line in (frames + describe(about), *(f"note: {note}" for note in about.notes)):
         print(line, file=sys.stderr)
     print(options.output)

@@ -12,7 +12,9 @@ import numpy as np
 from ..core.errors import InputError
 from ..readers import transfer_presets
 from ..readers.formats import FORMATS, SUFFIXES, format_of
+from ..readers.frames import VolumeFiles, sequence_of
 from ..readers.gather import MOST_LEVEL
+from ..readers.matter import Imported, as_it_is, read_matter
 from ..readers.raw import BYTE_ORDERS, TYPES, from_json, guessed
 from ..readers.source import Options, RawLayout
 from . import importing, modal
@@ -24,6 +26,7 @@ from .places import output_directory
 LABEL = "Volume for illumination"
 # A dropped text or JSON file is not ours to take; Blender itself opens dropped VDB files.
 DROPPED = sorted({Path(f"x{suffix}").suffix for suffix in SUFFIXES} - {".json", ".txt", ".vdb"})
+AUTO = "AUTO"
 RAW = ("raw_dims", "raw_type", "raw_byte_order", "raw_offset", "raw_spacing")
 
 
@@ -63,7 +66,7 @@ class VOLILLUM_OT_import_volume(modal.WorkOperator, bpy.types.Operator):
     transfer: bpy.props.EnumProperty(
         name="Transfer function",
         description="How values become matter; it can be changed afterwards",
-        items=[(importing.AUTO, "By the kind of data", ""), *_enum(transfer_presets.names())],
+        items=[(AUTO, "By the kind of data", ""), *_enum(transfer_presets.names())],
     )
     sequence: bpy.props.BoolProperty(
         name="Sequence",
@@ -89,23 +92,22 @@ class VOLILLUM_OT_import_volume(modal.WorkOperator, bpy.types.Operator):
     def prepare(self, context: bpy.types.Context) -> Work[Any]:
         """What is to be read and where it goes; the reading itself knows nothing of Blender."""
         path, held = self._path(), Held(context.scene)
-        form = format_of(path)
-        size, alone = self.size, not self.sequence
-        if form.id == "vdb" and not self.level and self.transfer == importing.AUTO:
-            return Work(lambda _control: path, lambda found: _added(held, found, alone))
+        files = sequence_of(path) if self.sequence else VolumeFiles(path)
+        size, level = self.size, self.level
+        transfer = None if self.transfer == AUTO else self.transfer
+        if as_it_is(files, level, transfer):
+            return Work(lambda _control: files, lambda found: _added(held, found))
         several = self.properties.is_property_set("channel")
         options = Options(channel=self.channel if several else None, raw=self._layout(path))
         directory = output_directory(context.scene.volillum.directory)
-        source = importing.Source(path) if alone else importing.file_source(path)
-        level, preset = self.level, self.transfer
 
-        def finish(imported: importing.Imported) -> str:
+        def finish(imported: Imported) -> str:
             importing.place(held.get(), imported, size)
             frames = [f"{len(imported.frames)} frames"] if imported.frames else []
             return "; ".join([*frames, describe(imported.about), *imported.about.notes])
 
         return Work(
-            lambda control: importing.read(source, directory, level, options, preset, control),
+            lambda control: read_matter(files, directory, level, options, transfer, control),
             finish,
         )
 
@@ -198,8 +200,8 @@ class VOLILLUM_FH_volume(bpy.types.FileHandler):
         return context.area is not None and context.area.type == "VIEW_3D"
 
 
-def _added(held: Held, path: Path, alone: bool) -> str:
-    item = importing.add_vdb(held.get(), path, alone)
+def _added(held: Held, files: VolumeFiles) -> str:
+    item = importing.add_vdb(held.get(), files)
     frames = f", {item.data.frame_duration} frames" if item.data.is_sequence else ""
     return f"{item.name}{frames}"
 

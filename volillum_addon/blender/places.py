@@ -29,12 +29,13 @@ def output_directory(setting: str) -> Path:
     return Path(bpy.utils.extension_path_user(".".join(root), path=FOLDER, create=True))
 
 
-def relative(path: Path) -> str:
-    """The path as Blender keeps it: relative to the file where there is one."""
-    if not bpy.data.filepath:
+def relative(path: Path, folder: Path | None = None) -> str:
+    """The path as Blender keeps it: relative to the file, or the folder that it will be saved in,
+    where there is one."""
+    if not bpy.data.filepath and folder is None:
         return str(path)
     try:
-        return str(bpy.path.relpath(str(path)))
+        return str(bpy.path.relpath(str(path), start=None if folder is None else str(folder)))
     except ValueError:  # another drive
         return str(path)
 

@@ -10,38 +10,61 @@ import numpy as np
 from mathutils import Matrix, Vector
 from numpy.typing import NDArray
 
-from ..bake.grids import grid_names, read_grid
-from ..core.errors import InputError, bad
-from ..core.grid import Grid
+from ..bake.grids import grid_names
+from ..core.control import Control
+from ..core.errors import bad
+from ..readers.frames import VolumeFiles
+from ..readers.matter import Imported
 from ..readers.medium_file import EMISSION, is_medium
-from .gallery_presets import column
+from . import importing
+from .extent import Extent, extent_of
 from .medium_builder import medium_material
 from .scene_presets import Axis, ScenePreset, Substance
 
-# Voxels below this share of the largest value are haze that the camera need not frame.
-HAZE = 0.002
 # Clip planes this many volume sizes in front of and behind the framed distance.
 CLIP = 10.0
 
 
-def save_scene(volume: Path, preset: ScenePreset, target: Path) -> None:
-    """Make the scene in a new, empty file and save it as the .blend `target`.
-
-    What was open in this Blender is left, as by File > New. Raises InputError for an unusable
-    volume, OSError for a target that cannot be written.
-    """
-    target = target.absolute()
+def check_target(target: Path) -> None:
+    """Raise an InputError for a name that no scene's file has."""
     if target.suffix != ".blend":
         raise bad("the scene's file", repr(target.name), "a name that ends in .blend")
-    save_scene_of(volume, _density(volume), preset, target)
 
 
-def save_scene_of(volume: Path, grid: Grid, preset: ScenePreset, target: Path) -> None:
-    """`save_scene` for a volume whose density grid is read already. A preset without a medium is
-    for files that bring one (readers/medium_file.py)."""
+def save_scene(
+    files: VolumeFiles,
+    preset: ScenePreset,
+    target: Path,
+    grid: str | None = None,
+    imported: Imported | None = None,
+    control: Control | None = None,
+) -> None:
+    """Make the scene in a new, empty file and save it as the .blend `target`: of VDB files by the
+    grid named (`density`, or the first), or of what was `imported` with its transfer function. A
+    sequence's frames are those of the scene.
+
+    What was open in this Blender is left, as by File > New. Raises InputError for an unusable
+    volume, OSError for a target that cannot be written, Cancelled.
+    """
+    check_target(target)
+    save_scene_of(files, extent_of(files, grid, control or Control()), preset, target, imported)
+
+
+def save_scene_of(
+    files: VolumeFiles,
+    extent: Extent,
+    preset: ScenePreset,
+    target: Path,
+    imported: Imported | None = None,
+) -> None:
+    """`save_scene` for a volume that is read already. A preset without a medium is for files that
+    bring one (readers/medium_file.py)."""
+    target = target.absolute()
     target.parent.mkdir(parents=True, exist_ok=True)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    build_scene(bpy.context.scene, volume, grid, preset)
+    data = build_scene(bpy.context.scene, files, extent, preset, imported is None)
+    if imported is not None:
+        importing.give(data, imported, target.parent)
     _look_through_the_camera()
     # Saved beside its final place, so that relative paths in it hold after the rename.
     temporary = target.with_name(f".{target.stem}.partial.blend")
@@ -55,29 +78,35 @@ def save_scene_of(volume: Path, grid: Grid, preset: ScenePreset, target: Path) -
         temporary.unlink(missing_ok=True)
 
 
-def build_scene(scene: bpy.types.Scene, volume: Path, grid: Grid, preset: ScenePreset) -> None:
-    """Fill an empty scene; `grid` is the volume's density grid."""
-    name = volume.stem
+def build_scene(
+    scene: bpy.types.Scene,
+    files: VolumeFiles,
+    extent: Extent,
+    preset: ScenePreset,
+    material: bool = True,
+) -> bpy.types.Volume:
+    """Fill an empty scene; the volume, which is given a `material` or will be."""
+    name = files.stem
     upright = _upright(preset.up)
     scene.name = name
-    if is_medium(volume):
-        material = medium_material(name, glows=EMISSION in grid_names(volume))
-    elif preset.medium is None:
-        raise bad("the preset's medium", "missing", f"one for {volume.name}, which brings none")
-    else:
-        material = _material(name, grid, preset.medium)
     data = bpy.data.volumes.new(name)
-    data.filepath = str(volume.absolute())
-    data.materials.append(material)
+    data.filepath = str(files.path.absolute())
+    if files.frames:
+        importing.play(data, tuple(files.frames))
+        scene.frame_start, scene.frame_end = min(files.frames), max(files.frames)
+        scene.frame_current = scene.frame_start
+    if material:
+        data.materials.append(_material(name, files.path, extent, preset.medium))
     body = bpy.data.objects.new(name, data)
     body.matrix_world = upright
     sun = _sun(preset)
-    camera = _camera(_framed_points(grid, upright), preset)
+    camera = _camera(extent.points @ np.array(upright)[:3, :3].T, preset)
     for item in (body, sun, camera):
         scene.collection.objects.link(item)
     scene.world = _world(preset)
     scene.camera = camera
     _image(scene, preset)
+    return data
 
 
 def _look_through_the_camera() -> None:
@@ -90,13 +119,6 @@ def _look_through_the_camera() -> None:
                 space.region_3d.view_perspective = "CAMERA"
                 space.shading.type = "MATERIAL"
                 space.shading.use_scene_lights = space.shading.use_scene_world = True
-
-
-def _density(volume: Path) -> Grid:
-    names = grid_names(volume)
-    if not names:
-        raise InputError(f"{volume} holds no grid; expected one of densities")
-    return read_grid(volume, "density" if "density" in names else names[0])
 
 
 def _upright(up: Axis) -> Matrix:
@@ -112,19 +134,26 @@ def _upright(up: Axis) -> Matrix:
     return turns[up]
 
 
-def _material(name: str, grid: Grid, medium: Substance) -> bpy.types.Material:
-    """Principled Volume with black absorption colour: sigma_t = density, albedo = colour."""
+def _material(
+    name: str, volume: Path, extent: Extent, medium: Substance | None
+) -> bpy.types.Material:
+    """What the file brings, or else Principled Volume with black absorption colour: sigma_t =
+    density, albedo = colour."""
+    if is_medium(volume):
+        return medium_material(name, glows=EMISSION in grid_names(volume))
+    if medium is None:
+        raise bad("the preset's medium", "missing", f"one for {name}, which brings none")
     material = bpy.data.materials.new(name)
     tree = material.node_tree
     tree.nodes.clear()
     output = tree.nodes.new("ShaderNodeOutputMaterial")
-    volume = tree.nodes.new("ShaderNodeVolumePrincipled")
-    volume.location = (-320, 0)
-    volume.inputs["Density Attribute"].default_value = grid.name
-    volume.inputs["Density"].default_value = medium.optical_depth / column(grid)
-    volume.inputs["Color"].default_value = (*medium.albedo, 1)
-    volume.inputs["Absorption Color"].default_value = (0, 0, 0, 1)
-    tree.links.new(volume.outputs["Volume"], output.inputs["Volume"])
+    shader = tree.nodes.new("ShaderNodeVolumePrincipled")
+    shader.location = (-320, 0)
+    shader.inputs["Density Attribute"].default_value = extent.grid
+    shader.inputs["Density"].default_value = medium.optical_depth / extent.column
+    shader.inputs["Color"].default_value = (*medium.albedo, 1)
+    shader.inputs["Absorption Color"].default_value = (0, 0, 0, 1)
+    tree.links.new(shader.outputs["Volume"], output.inputs["Volume"])
     return material
 
 
@@ -154,20 +183,6 @@ def _world(preset: ScenePreset) -> bpy.types.World:
     background.inputs["Color"].default_value = (*preset.sky.radiance, 1)
     background.inputs["Strength"].default_value = 1
     return world
-
-
-def _framed_points(grid: Grid, upright: Matrix) -> NDArray[np.float64]:
-    """World positions [n, 3] of the hull of what is to be seen: per line of voxels, its ends."""
-    matter = grid.values if grid.channels == 1 else grid.values.max(axis=-1)
-    seen = matter > HAZE * matter.max()
-    columns = np.argwhere(seen.any(axis=2))
-    lines = seen[columns[:, 0], columns[:, 1]]
-    first, last = lines.argmax(axis=1), lines.shape[1] - 1 - lines[:, ::-1].argmax(axis=1)
-    index = np.concatenate(
-        [np.column_stack([columns, first]), np.column_stack([columns, last])]
-    ).astype(np.float64)
-    turn = np.array(upright)[:3, :3]
-    return np.asarray(grid.to_world(index) @ turn.T)
 
 
 def _camera(points: NDArray[np.float64], preset: ScenePreset) -> bpy.types.Object:

@@ -11,6 +11,7 @@ from bl_operators.presets import AddPresetBase
 
 from ..core.control import Control
 from ..core.errors import InputError
+from ..readers.matter import Imported, read_matter
 from ..readers.medium_file import apply
 from ..readers.sequence import apply_frames
 from ..readers.source import Options
@@ -90,22 +91,20 @@ class VOLILLUM_OT_add_transfer(modal.WorkOperator, bpy.types.Operator):
         if volume.data.library is not None:
             raise InputError(f"{volume.name!r} is linked from a library; expected one of this file "
                              "(Make Local)")  # fmt: skip
-        source, data = importing.source_of(volume), volume.data.name
+        files, data = importing.files_of(volume), volume.data.name
         options = Options(grid=settings.density_grid or None)
         directory = output_directory(settings.directory)
 
-        def finish(imported: importing.Imported) -> str:
+        def finish(imported: Imported) -> str:
             if data not in bpy.data.volumes:
                 raise InputError(f"volume {data!r} is gone; expected it where the result belongs")
             importing.give(bpy.data.volumes[data], imported)
             return "; ".join([f"{data}: {imported.medium.name}", *imported.about.notes])
 
         return Work(
-            lambda control: importing.read(
-                source, directory, 0, options, importing.AUTO, control
-            ),
+            lambda control: read_matter(files, directory, options=options, control=control),
             finish,
-        )  # fmt: skip
+        )
 
 
 class VOLILLUM_OT_load_transfer(modal.InstantOperator, bpy.types.Operator):

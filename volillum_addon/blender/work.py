@@ -17,6 +17,8 @@ from ..core.control import Control
 from ..core.errors import InputError
 from ..models.model import Value
 from ..models.registry import models
+from ..readers.frames import VolumeFiles
+from ..readers.matter import Imported
 from . import scene_presets, stage, staleness
 from .medium_reader import MediumSettings
 from .places import relative
@@ -142,11 +144,19 @@ def noted_source(scene: bpy.types.Scene) -> dict[str, str]:
     return staleness.source(scene.volillum, volume)
 
 
-def make_scene(volume: Path, preset: str, target: Path) -> None:
-    """A .blend with the volume in the preset's light; replaces what is open in this Blender."""
+def make_scene(
+    files: VolumeFiles,
+    preset: str,
+    target: Path,
+    grid: str | None = None,
+    imported: Imported | None = None,
+    control: Control | None = None,
+) -> None:
+    """A .blend with the volume in the preset's light, see `scene_builder.save_scene`; replaces what
+    is open in this Blender."""
     from .scene_builder import save_scene
 
-    save_scene(volume, scene_presets.load(preset), target)
+    save_scene(files, scene_presets.load(preset), target, grid, imported, control)
 
 
 def all_models(settings: Any) -> tuple[str, ...]:

@@ -30,10 +30,7 @@ from ..core.errors import InputError
 from ..core.grid import Grid
 from ..core.medium import Medium
 from ..core.transfer_function import TransferFunction
-from .formats import read_volume, stem_of
-from .imported import About, is_imported, read_imported
-from .source import Options
-from .transfer_presets import default_name, load
+from .imported import About, read_imported
 
 ENTRY = "volillum_medium"
 DENSITY, SCATTERING, ABSORPTION = "density", "scattering", "absorption"
@@ -107,30 +104,6 @@ def apply(
         source = read_imported(volume)
     with watch.stage(0.3, 1.0, "applying the transfer function"):
         return write_medium(source, transfer, directory, volume.stem, watch)
-
-
-def lit_file(
-    volume: Path,
-    transfer: str | None,
-    directory: Path,
-    level: int = 0,
-    options: Options | None = None,
-    control: Control | None = None,
-) -> Path:
-    """A VDB file to light, of a volume of any format: itself where it is a VDB file and no transfer
-    function is named, else one in `directory`, by the preset named or the one for its kind.
-
-    Raises InputError, StorageError, Cancelled.
-    """
-    plain = volume.suffix.lower() == ".vdb" and not level
-    if transfer is None and plain and not is_imported(volume):
-        return volume
-    watch = control or Control()
-    with watch.stage(0.0, 0.6, f"reading {volume.name}"):
-        grid, about = read_volume(volume, level, options, watch)
-    chosen = load(transfer or default_name(about), about)
-    with watch.stage(0.6, 1.0, "applying the transfer function"):
-        return write_medium((grid, about), chosen, directory, stem_of(volume), watch)
 
 
 def is_medium(path: Path) -> bool:

@@ -20,14 +20,15 @@ from numpy.typing import NDArray
 
 from ..bake import layout
 from ..bake.frame_files import frame_of, name_of, numbered
-from ..bake.grids import EmptyGridError
+from ..bake.grids import EmptyGridError, grid_name
 from ..bake.sequence import each_frame
 from ..bake.store import StorageError
 from ..core.control import Control
 from ..core.errors import InputError, bad
 from ..core.grid import Grid
 from ..core.transfer_function import TransferFunction
-from .formats import read_volume
+from .formats import format_of, read_volume
+from .frames import Name, VolumeFiles
 from .imported import (
     FORMAT,
     GRID,
@@ -74,7 +75,11 @@ def read_frames(
     """
     watch, frames = control or Control(), sorted(sources)
     digest = hashlib.sha256(json.dumps([FORMAT, level, options.grid, options.channel]).encode())
+    wanted = _grid(sources[frames[0]], options)
     for frame in each_frame(frames, watch, 0, SURVEY_SHARE, "reading"):
+        if (found := _grid(sources[frame], options)) != wanted:
+            raise bad(f"the grid of frame {frame}", repr(found), f"{wanted!r}, as in frame "
+                      f"{frames[0]}", str(sources[frame]))  # fmt: skip
         digest.update(f"{frame} {_content(sources[frame])}\n".encode())
     name = f"{stem}{VALUES}{digest.hexdigest()[:12]}"
     files = tuple(numbered(directory, name, frame) for frame in frames)
@@ -94,6 +99,33 @@ def read_frames(
             target.unlink(missing_ok=True)
         raise
     return Values(files, about_all(files), np.concatenate([read_corners(file) for file in full]))
+
+
+def import_frames(
+    files: VolumeFiles,
+    target: Name,
+    level: int = 0,
+    options: Options | None = None,
+    control: Control | None = None,
+) -> About:
+    """Turn every frame of a sequence into a VDB file of the target's name and the same number: all
+    of them, or where one cannot be read none. What is known of all frames together.
+
+    Raises InputError, StorageError; Cancelled, after which frames that were whole stay under
+    another name until an import of the same files takes them up.
+    """
+    if target.after != ".vdb":
+        raise bad("the files to write", repr(str(target)), "a name that ends in .vdb")
+    targets = {frame: target.file(frame) for frame in sorted(files.frames)}
+    both = {path.resolve() for path in files.frames.values()} & {
+        path.resolve() for path in targets.values()}  # fmt: skip
+    if both:
+        raise bad("the files to write", repr(str(target)), "others than are read")
+    stem = f"{target.label}.importing"
+    values = read_frames(files.frames, target.folder, stem, level, options or Options(), control)
+    for file, final in zip(values.files, targets.values(), strict=True):
+        file.replace(final)
+    return values.about
 
 
 def about_all(files: Sequence[Path]) -> About:
@@ -145,6 +177,11 @@ def apply_frames(
             target.unlink(missing_ok=True)
         raise clear(about_all(files))
     return targets[0]
+
+
+def _grid(path: Path, options: Options) -> str:
+    """The name of the grid that is read of a VDB file."""
+    return grid_name(path, options.grid) if format_of(path).id == "vdb" else ""
 
 
 def _read(path: Path, level: int, options: Options, control: Control) -> tuple[Grid, About]:
