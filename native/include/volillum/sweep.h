@@ -3,6 +3,7 @@
 // sums optical depth along a sheared lattice of rays and interpolates once.
 #pragma once
 
+#include <climits>
 #include <limits>
 
 #include "volillum/control.h"
@@ -16,6 +17,8 @@ struct SweepSettings {
     double radius = std::numeric_limits<double>::infinity();  // world units
     int near_slices = 4;  // slices from each voxel that are integrated exactly
     Quantity quantity = Quantity::transmittance;
+    // The voxels [begin, end) whose sums are wanted; what the output holds elsewhere stays.
+    Index3 wanted_begin{0, 0, 0}, wanted_end{INT_MAX, INT_MAX, INT_MAX};
     int threads = 0;  // 0: all cores
     Control *control = nullptr;
 };

@@ -57,12 +57,13 @@ const Scalar *require(const AnyArray &array, const char *name, const char *axes,
 // The caller's array `out` or, for None, a new one that owns its memory, made by numpy so that a
 // large one gets the pages that numpy asks for.
 inline std::pair<nb::object, Real *> output(const nb::object &out,
-                                            std::initializer_list<std::int64_t> shape) {
+                                            std::initializer_list<std::int64_t> shape,
+                                            bool zeros = false) {
     nb::object array = out;
     if (out.is_none()) {
         nb::list sizes;
         for (const std::int64_t size : shape) sizes.append(size);
-        array = nb::module_::import_("numpy").attr("empty")(
+        array = nb::module_::import_("numpy").attr(zeros ? "zeros" : "empty")(
             nb::tuple(sizes), sizeof(Real) == 4 ? "float32" : "float64");
     }
     nb::ndarray<nb::device::cpu> view;

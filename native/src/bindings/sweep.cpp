@@ -2,12 +2,15 @@
 
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 
+#include <array>
 #include <climits>
 #include <functional>
 #include <limits>
+#include <optional>
 
 #include "arrays.h"
 
@@ -55,6 +58,17 @@ SweepScene read_scene(const AnyArray &sigma_t, const AnyArray &index_to_world,
     return scene;
 }
 
+// Two corners of a box of voxels, or none for all of them.
+using Wanted = std::optional<std::array<std::array<int, 3>, 2>>;
+
+void set_wanted(SweepSettings &settings, const Wanted &wanted) {
+    if (!wanted) return;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+        settings.wanted_begin[axis] = (*wanted)[0][axis];
+        settings.wanted_end[axis] = (*wanted)[1][axis];
+    }
+}
+
 Quantity read_quantity(const std::string &name) {
     if (name == "transmittance") return Quantity::transmittance;
     if (name == "optical_depth") return Quantity::optical_depth;
@@ -63,8 +77,8 @@ Quantity read_quantity(const std::string &name) {
 }
 
 std::pair<RealArray, Real *> output(const nb::object &out, const AnyArray &sigma_t,
-                                    std::initializer_list<std::int64_t> shape) {
-    const auto [array, data] = volillum::output(out, shape);
+                                    std::initializer_list<std::int64_t> shape, bool zeros) {
+    const auto [array, data] = volillum::output(out, shape, zeros);
     std::size_t size = 1;
     for (const std::int64_t side : shape) size *= std::size_t(side);
     volillum::refuse_shared(data, size, sigma_t, "sigma_t");
@@ -73,15 +87,21 @@ std::pair<RealArray, Real *> output(const nb::object &out, const AnyArray &sigma
 
 RealArray sweep(const AnyArray &sigma_t, const AnyArray &index_to_world, const AnyArray &directions,
                 const AnyArray &weights, double radius, int near_slices,
-                const std::string &quantity, int threads, Control *control,
+                const std::string &quantity, const Wanted &wanted, int threads, Control *control,
                 const nb::object &out_or_none) {
     const SweepScene scene = read_scene(sigma_t, index_to_world, directions);
     const Real *weight =
         require<Real>(weights, "weights", "[d, c], one row per direction", {scene.count, -1});
-    const SweepSettings settings{radius, near_slices, read_quantity(quantity), threads, control};
+    SweepSettings settings{.radius = radius,
+                           .near_slices = near_slices,
+                           .quantity = read_quantity(quantity),
+                           .threads = threads,
+                           .control = control};
+    set_wanted(settings, wanted);
     const int channels = int(weights.shape(1));
     const auto [out, data] =
-        output(out_or_none, sigma_t, {channels, scene.shape[0], scene.shape[1], scene.shape[2]});
+        output(out_or_none, sigma_t, {channels, scene.shape[0], scene.shape[1], scene.shape[2]},
+               wanted.has_value());
     {
         const nb::gil_scoped_release release;
         volillum::sweep(scene, weight, channels, settings, data);
@@ -91,8 +111,8 @@ RealArray sweep(const AnyArray &sigma_t, const AnyArray &index_to_world, const A
 
 RealArray sweep_weighted(const AnyArray &sigma_t, const AnyArray &index_to_world,
                          const AnyArray &directions, const AnyArray &weights, int spacing,
-                         double radius, int near_slices, int threads, Control *control,
-                         const nb::object &out_or_none) {
+                         double radius, int near_slices, const Wanted &wanted, int threads,
+                         Control *control, const nb::object &out_or_none) {
     const SweepScene scene = read_scene(sigma_t, index_to_world, directions);
     if (spacing < 1)
         throw nb::value_error(
@@ -105,9 +125,11 @@ RealArray sweep_weighted(const AnyArray &sigma_t, const AnyArray &index_to_world
                              std::to_string(nodes[2]) + ")";
     const Real *weight = require<Real>(weights, "weights", axes.c_str(),
                                        {scene.count, nodes[0], nodes[1], nodes[2]});
-    const SweepSettings settings{radius, near_slices, Quantity::transmittance, threads, control};
-    const auto [out, data] =
-        output(out_or_none, sigma_t, {scene.shape[0], scene.shape[1], scene.shape[2]});
+    SweepSettings settings{
+        .radius = radius, .near_slices = near_slices, .threads = threads, .control = control};
+    set_wanted(settings, wanted);
+    const auto [out, data] = output(
+        out_or_none, sigma_t, {scene.shape[0], scene.shape[1], scene.shape[2]}, wanted.has_value());
     {
         const nb::gil_scoped_release release;
         volillum::sweep_weighted(scene, weight, spacing, settings, data);
@@ -134,6 +156,8 @@ directions: float64 [d, 3], unit vectors in world space, from the voxel outward.
 weights: float32 [d, c].
 radius: world units; inf: to the border.
 quantity: 'transmittance' or 'optical_depth'.
+wanted: two corners of the box [begin, end) of voxels whose sums are wanted, None: all; the others
+stay as they are in `out`, 0 in a new array, and cost next to nothing.
 threads: 0: all cores. The result is the same, bit for bit, for any number.
 control: cancels (raises Cancelled) and tells the progress.
 out: an array to write to instead of a new one; the system takes as long to give new pages as
@@ -158,9 +182,10 @@ Returns float32 [nx, ny, nz].)";
 void bind_sweep(nb::module_ &module) {
     module.def("sweep", &sweep, "sigma_t"_a, "index_to_world"_a, "directions"_a, "weights"_a,
                nb::kw_only(), "radius"_a = infinity, "near_slices"_a = 4,
-               "quantity"_a = "transmittance", "threads"_a = 0, "control"_a = nb::none(),
-               "out"_a = nb::none(), sweep_doc);
+               "quantity"_a = "transmittance", "wanted"_a = nb::none(), "threads"_a = 0,
+               "control"_a = nb::none(), "out"_a = nb::none(), sweep_doc);
     module.def("sweep_weighted", &sweep_weighted, "sigma_t"_a, "index_to_world"_a, "directions"_a,
                "weights"_a, "spacing"_a, nb::kw_only(), "radius"_a = infinity, "near_slices"_a = 4,
-               "threads"_a = 0, "control"_a = nb::none(), "out"_a = nb::none(), sweep_weighted_doc);
+               "wanted"_a = nb::none(), "threads"_a = 0, "control"_a = nb::none(),
+               "out"_a = nb::none(), sweep_weighted_doc);
 }

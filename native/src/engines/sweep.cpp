@@ -79,7 +79,8 @@ private:
         std::vector<LatticePlanes> planes(pass.directions.size());
         if (tiling.slabs > 1)
             for (LatticePlanes &plane : planes) plane.resize(tiling);
-        const Needs needs(pass, tiling, weights_);
+        const Box wanted = box_of(pass.frame, settings_.wanted_begin, settings_.wanted_end);
+        const Needs needs(pass, tiling, weights_, wanted);
         const std::size_t tiles = std::size_t(tiling.row_tiles) * std::size_t(tiling.column_tiles);
         const std::size_t items = tiles * std::size_t(tiling.slabs);
         std::vector<std::atomic<int>> slabs_done(tiles);
@@ -100,7 +101,7 @@ private:
                 if (cancelled()) throw Cancelled();
                 // Items are handed out slab by slab, so what we wait for is already running.
                 if (slab > 0 && !tiling.all_of_sources(tile, wait_for)) return;
-                march_tile(pass, tiling, needs, planes, slab, tile,
+                march_tile(pass, tiling, needs, wanted, planes, slab, tile,
                            workspaces_[std::size_t(thread)]);
                 slabs_done[std::size_t(tile)].store(slab + 1, std::memory_order_release);
                 if (settings_.control)
@@ -124,19 +125,19 @@ private:
         const Needs &needs;
         std::vector<LatticePlanes> &planes;
         int slab, index;
-        Box box;
+        Box box, wanted;
         bool filled;  // whether sigma_t differs from 0 anywhere in its reach
         Workspace &space;
         Need need(std::size_t direction) const { return needs.of(slab, index, direction); }
     };
 
-    void march_tile(const Pass &pass, const Tiling &tiling, const Needs &needs,
+    void march_tile(const Pass &pass, const Tiling &tiling, const Needs &needs, const Box &wanted,
                     std::vector<LatticePlanes> &planes, int slab, int index, Workspace &space) {
-        const Box box = tiling.box(slab, index);
+        const Box box = tiling.box(slab, index), own = box.common(wanted);
         const bool filled =
             needs.any(slab, index) &&
             space.block.load(pass.frame, scene_.sigma_t, largest_, tiling.reach(box, pass));
-        const Tile tile{pass, tiling, needs, planes, slab, index, box, filled, space};
+        const Tile tile{pass, tiling, needs, planes, slab, index, box, own, filled, space};
         if (weights_.single(0))
             sum_at_once(tile);
         else
@@ -160,7 +161,7 @@ private:
             else
                 in_the_clear += weight * empty_value();
         }
-        if (in_the_clear != 0 || !rows.add) fill(tile.box, Real(in_the_clear), rows);
+        if (in_the_clear != 0 || !rows.add) fill(tile.wanted, Real(in_the_clear), rows);
     }
 
     // Some directions' values first, and then their weighted sums: each number of the output is
@@ -168,15 +169,16 @@ private:
     void sum_batches(const Tile &tile) {
         const std::vector<Direction> &directions = tile.pass.directions;
         const std::size_t batch = std::size_t(tile.tiling.batch);
-        const std::ptrdiff_t lanes = round_up(tile.box.columns.size());
+        const Box &box = tile.wanted;
+        const std::ptrdiff_t lanes = round_up(box.columns.size());
         // Slices and directions a little apart: many rows at a distance of 2^n would evict each
         // other from the cache.
-        const std::ptrdiff_t slice_pitch = lanes * tile.box.rows.size() + kLanes;
-        const std::ptrdiff_t pitch = slice_pitch * tile.box.slices.size() + lanes;
+        const std::ptrdiff_t slice_pitch = lanes * box.rows.size() + kLanes;
+        const std::ptrdiff_t pitch = slice_pitch * box.slices.size() + lanes;
         tile.space.values.resize(std::size_t(pitch) * std::min(batch, directions.size()));
         const Rows values{tile.space.values.data(),
-                          tile.box.slices.begin,
-                          tile.box.rows.begin,
+                          box.slices.begin,
+                          box.rows.begin,
                           slice_pitch,
                           lanes,
                           pitch,
@@ -192,15 +194,15 @@ private:
                 if (tile.need(d) == Need::sums) of_direction.first = nullptr;
                 const bool marched = march_direction(tile, d, 1, of_direction);
                 if (!of_direction.first) continue;
-                if (!marched) fill(tile.box, empty_value(), of_direction);
+                if (!marched) fill(box, empty_value(), of_direction);
                 active.push_back(directions[d].index);
             }
             if (active.empty()) continue;
-            weights_.sum({tile.pass.frame, tile.box, active, values}, tile.space.weights, rows);
+            weights_.sum({tile.pass.frame, box, active, values}, tile.space.weights, rows);
             rows.add = true;
         }
         for (int channel = 0; !rows.add && channel < weights_.channels(); ++channel) {
-            fill(tile.box, 0, rows);
+            fill(box, 0, rows);
             rows.first += rows.channel_pitch;
         }
     }
@@ -208,7 +210,7 @@ private:
     // Where a tile's sums go: to the output or, transposed, to an array of their own.
     Rows output(const Tile &tile) const {
         const Frame &frame = tile.pass.frame;
-        const Box &box = tile.box;
+        const Box &box = tile.wanted;
         if (frame.transposed()) {
             Reals &result = tile.space.result;
             const std::ptrdiff_t row_pitch = round_up(box.columns.size()) + kLanes;
@@ -229,7 +231,8 @@ private:
 
     void transpose_result(const Tile &tile) const {
         const Frame &frame = tile.pass.frame;
-        const Box &box = tile.box;
+        const Box &box = tile.wanted;
+        if (box.empty()) return;
         Rows from = output(tile);
         Real *to = out_ + frame.element(box.slices.begin, 0, box.columns.begin);
         for (int channel = 0; channel < weights_.channels(); ++channel) {
@@ -274,7 +277,7 @@ private:
             if (planes) planes->clear(tile.slab, tile.box);
             return false;
         }
-        march({direction, rays, tile.box, tile.slab, planes, tile.space.block, tail,
+        march({direction, rays, tile.box, tile.wanted, tile.slab, planes, tile.space.block, tail,
                pass.near_slices, settings_.quantity, weight, rows, tile.space.march});
         return true;
     }

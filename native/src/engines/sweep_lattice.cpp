@@ -160,7 +160,7 @@ void LatticePlanes::clear(int slab, const Box &tile) {
     }
 }
 
-Needs::Needs(const Pass &pass, const Tiling &tiling, const Weights &weights)
+Needs::Needs(const Pass &pass, const Tiling &tiling, const Weights &weights, const Box &wanted)
     : slabs_(std::size_t(tiling.slabs)),
       tiles_(std::size_t(tiling.row_tiles) * std::size_t(tiling.column_tiles)),
       directions_(pass.directions.size()),
@@ -171,7 +171,9 @@ Needs::Needs(const Pass &pass, const Tiling &tiling, const Weights &weights)
             for (int tile = 0; tile < int(tiles_); ++tile) {
                 const Box box = tiling.box(slab, tile);
                 Need &need = needs_[(d * slabs_ + std::size_t(slab)) * tiles_ + std::size_t(tile)];
-                if (weights.any(direction.index, pass.frame, box)) need = Need::values;
+                const Box own = box.common(wanted);
+                if (!own.empty() && weights.any(direction.index, pass.frame, own))
+                    need = Need::values;
                 if (need == Need::nothing || slab == 0 || !direction.has_far_field) continue;
                 const RayRanges rays = rays_of(direction, box);
                 const Crossing before = direction.crossing(box.slices.begin - 1);

@@ -90,13 +90,13 @@ inline Range owned(const Range &voxels) {
     return {voxels.begin == 0 ? -1 : voxels.begin, voxels.end};
 }
 
-// What a direction has to do in a tile: nothing where its weights are zero and no ray goes on to
-// a tile that needs it, only the sums where one does.
+// What a direction has to do in a tile: nothing where its weights are zero or no voxel is wanted,
+// and no ray goes on to a tile that needs it, only the sums where one does.
 enum class Need : unsigned char { nothing, sums, values };
 
 class Needs {
 public:
-    Needs(const Pass &pass, const Tiling &tiling, const Weights &weights);
+    Needs(const Pass &pass, const Tiling &tiling, const Weights &weights, const Box &wanted);
     Need of(int slab, int tile, std::size_t direction) const {
         return needs_[(direction * slabs_ + std::size_t(slab)) * tiles_ + std::size_t(tile)];
     }

@@ -28,7 +28,7 @@ void prepare(const March &m) {
         last = &tap;
     }
     scratch.near.resize(
-        std::size_t(slices.size() * kStencilRows * round_up(m.tile.columns.size())));
+        std::size_t(slices.size() * kStencilRows * round_up(m.wanted.columns.size())));
     scratch.crossings.clear();
     for (int t = slices.begin; t < slices.end; ++t)
         scratch.crossings.push_back(m.direction.crossing(t));
@@ -46,35 +46,35 @@ void prepare(const March &m) {
 
 // The near field of a row of voxels, computed for kStencilRows rows of a slice together.
 const Real *near_row(const March &m, int t, int b) {
-    const Range &rows = m.tile.rows;
-    const int lanes = round_up(m.tile.columns.size());
+    const Range &rows = m.wanted.rows;
+    const int lanes = round_up(m.wanted.columns.size());
     const bool together = rows.size() >= kStencilRows;
-    // The last rows of the tile may have been among those of the group before.
+    // The last rows may have been among those of the group before.
     const int first = rows.begin + (b - rows.begin) / kStencilRows * kStencilRows;
     const int group = together ? std::min(first, rows.end - kStencilRows) : b;
     Real *near = m.scratch.near.data() + (t - m.tile.slices.begin) * kStencilRows * lanes;
     if (b == first || !together)
-        apply_stencil(m.scratch.stencil, m.block.at(t, group, m.tile.columns.begin),
-                      m.block.row_pitch(), together ? kStencilRows : 1, m.tile.columns.size(), near,
-                      lanes);
+        apply_stencil(m.scratch.stencil, m.block.at(t, group, m.wanted.columns.begin),
+                      m.block.row_pitch(), together ? kStencilRows : 1, m.wanted.columns.size(),
+                      near, lanes);
     return near + (b - group) * lanes;
 }
 
 // The quantity at a row of voxels; `depth` is the row of lattice rays below it (null: there is no
-// far field), `level` what the row above has left. One row before the tile's first, only that.
+// far field), `level` what the row above has left. One row before the first, only that.
 void write_row(const March &m, int t, int b, const Crossing &crossing, const Real *depth,
                Real *level) {
-    const int count = m.tile.columns.size();
+    const int count = m.wanted.columns.size();
     Row row{};
     if (depth) {
         const Real length = m.direction.slice_length;
-        row.depth = depth + (m.tile.columns.begin - crossing.column - 1 - m.rays.columns.begin);
+        row.depth = depth + (m.wanted.columns.begin - crossing.column - 1 - m.rays.columns.begin);
         row.level = level;
         row.left = length * crossing.column_fraction;
         row.right = length * (1 - crossing.column_fraction);
         row.above = crossing.row_fraction;
         row.here = 1 - crossing.row_fraction;
-        if (b < m.tile.rows.begin) {
+        if (b < m.wanted.rows.begin) {
             level_row(row.depth, row.left, row.right, count, level);
             return;
         }
@@ -127,10 +127,11 @@ RayRanges rays_of(const Direction &direction, const Box &tile) {
 
 void march(const March &m) {
     prepare(m);
-    const Range &slices = m.tile.slices, &rows = m.tile.rows;
+    const Range &slices = m.tile.slices, &rows = m.wanted.rows;
+    const Range written = m.out.first ? m.wanted.slices : Range{0, 0};
     Scratch &scratch = m.scratch;
     if (!m.direction.has_far_field) {
-        for (int t = slices.begin; m.out.first && t < slices.end; ++t)
+        for (int t = written.begin; t < written.end; ++t)
             for (int b = rows.begin; b < rows.end; ++b)
                 write_row(m, t, b, m.direction.crossing(t), nullptr, nullptr);
         return;
@@ -139,7 +140,7 @@ void march(const March &m) {
     // needs of it in the first-level cache. A row of voxels reads up to a vector past its last
     // column: what comes of it is not written.
     const int rays = m.rays.columns.size(), width = round_up(rays), count = slices.size();
-    const int lanes = round_up(m.tile.columns.size());
+    const int lanes = round_up(m.wanted.columns.size());
     scratch.across.resize(std::size_t(width * count));
     scratch.depth.resize(std::size_t(width * count + kLanes));
     scratch.level.resize(std::size_t(lanes * count));
@@ -170,7 +171,7 @@ void march(const March &m) {
             interpolated = end;
         }
         if (m.planes) store_row(m, u);
-        for (int t = slices.begin; m.out.first && t < slices.begin + end; ++t) {
+        for (int t = written.begin; t < std::min(written.end, slices.begin + end); ++t) {
             const Crossing &here = scratch.crossings[std::size_t(t - slices.begin)];
             const int b = u + here.row;
             if (b >= rows.begin - 1 && b < rows.end)

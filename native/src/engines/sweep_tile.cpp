@@ -11,6 +11,16 @@ Range clip(const Range &range, int size) {
 
 }  // namespace
 
+Box box_of(const Frame &frame, const Index3 &begin, const Index3 &end) {
+    const auto range = [&](int axis, int size) {
+        const std::size_t i = std::size_t(axis);
+        return Range{begin[i], end[i]}.common({0, size});
+    };
+    Range slices = range(frame.axis, frame.slices);
+    if (frame.forward) slices = {frame.slices - slices.end, frame.slices - slices.begin};
+    return {slices, range(frame.row_axis, frame.rows), range(frame.column_axis, frame.columns)};
+}
+
 bool Block::load(const Frame &frame, const Real *sigma_t, Real largest, const Box &box) {
     box_ = box;
     // One lane beyond: kernels read whole vectors. An odd number of lanes keeps the rows of a

@@ -11,9 +11,20 @@ namespace volillum::sweep_detail {
 struct Range {
     int begin, end;
     int size() const { return end - begin; }
+    // What both have; of no size where that is nothing.
+    Range common(const Range &other) const {
+        const int first = std::max(begin, other.begin);
+        return {first, std::max(first, std::min(end, other.end))};
+    }
 };
 struct Box {
     Range slices, rows, columns;
+
+    Box common(const Box &other) const {
+        return {slices.common(other.slices), rows.common(other.rows),
+                columns.common(other.columns)};
+    }
+    bool empty() const { return !(slices.size() && rows.size() && columns.size()); }
 
     // Calls visit(t, b) for every slice and row, in the order of memory.
     template <class Visit>
@@ -26,6 +37,9 @@ struct Box {
                 for (int t = slices.begin; t < slices.end; ++t) visit(t, b);
     }
 };
+
+// The voxels [begin, end) as a frame counts them.
+Box box_of(const Frame &frame, const Index3 &begin, const Index3 &end);
 
 // A zero-padded copy of sigma_t over a box of a frame (which may reach out of the grid). It makes
 // the kernels free of border cases and of cache sets that alias where sides are powers of two.
@@ -75,12 +89,12 @@ struct Scratch {
 };
 
 // Marches one direction through a tile: continues the sums of its rays, which come from `planes`
-// and go back there (null: there is one slab only), and writes weight times the quantity at the
-// tile's voxels.
+// and go back there (null: there is one slab only), and writes weight times the quantity at those
+// of the tile's voxels that are wanted.
 struct March {
     const Direction &direction;
     const RayRanges &rays;
-    const Box &tile;
+    const Box &tile, &wanted;
     int slab;
     LatticePlanes *planes;
     const Block &block;
