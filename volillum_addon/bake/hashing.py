@@ -44,7 +44,7 @@ def input_digests(scene: Scene, model: Model, values: Values, half: bool) -> dic
         "parameters": _digest(json.dumps(dict(values), sort_keys=True)),
         "program": _digest(f"{model.id} {KERNEL_REVISION} {__version__} {'half' if half else ''}"),
     }
-    for part in model.rebakes_on(values) - digests.keys():
+    for part in (model.rebakes_on(values) | ALSO_SEEN_ONLY[scene.seen_only]) - digests.keys():
         digests[part] = PARTS[part](scene, model)
     return dict(sorted(digests.items()))
 
@@ -150,6 +150,14 @@ def _camera(scene: Scene, model: Model) -> str:
     return _digest(b"perspective" + _bytes(camera.eye))
 
 
+def _view(scene: Scene, model: Model) -> str:
+    """Everything that a camera's image depends on."""
+    camera = scene.need_camera()
+    span = camera.height if camera.orthographic else camera.fov
+    axes = (camera.eye, camera.forward, camera.up, (span, camera.aspect or 0, *camera.shift))
+    return _digest(f"{camera.orthographic}".encode() + b"".join(map(_direction, axes)))
+
+
 # What a model may name in `rebake_on` and `rebake_when` beside the medium's grids.
 PARTS: dict[str, Callable[[Scene, Model], str]] = {
     "light direction": _light_directions,
@@ -159,7 +167,12 @@ PARTS: dict[str, Callable[[Scene, Model], str]] = {
     "light hue": _light_hues,
     "highest lit band": _lit_bands,
     "camera": _camera,
+    "view": _view,
 }
+
+
+# What a bake for the camera's view alone also depends on.
+ALSO_SEEN_ONLY: dict[bool, frozenset[str]] = {False: frozenset(), True: frozenset({"view"})}
 
 
 def _grid(grid: Grid) -> str:

@@ -23,6 +23,7 @@ GRIDS = ("sigma_t", "sigma_s", "emission")
 def write_scene(scene: Scene, path: Path | str) -> None:
     """Write the scene, whole or not at all. Raises StorageError."""
     arrays: dict[str, Any] = {"g": scene.medium.g, "lights": [light.kind for light in scene.lights]}
+    arrays["seen_only"] = scene.seen_only
     for name in GRIDS:
         grid = getattr(scene.medium, name)
         if grid is not None:
@@ -57,7 +58,8 @@ def read_scene(path: Path | str) -> Scene:
         )
         camera = _fields(Camera, "camera", arrays)
         medium = Medium(**grids, g=float(arrays["g"]))
-        return Scene(medium, lights, Camera(**camera) if camera else None)
+        seen_only = bool(arrays["seen_only"])
+        return Scene(medium, lights, Camera(**camera) if camera else None, seen_only)
     except (OSError, BadZipFile, KeyError, ValueError, TypeError, EOFError) as error:
         raise InputError(f"{path} is not a scene file ({error}); expected a whole one") from error
 

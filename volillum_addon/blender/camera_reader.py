@@ -36,7 +36,7 @@ def read_camera(placed: bpy.types.Object, width: int, height: int) -> Camera:
     if data.type == "ORTHO":
         return Camera(
             position, position + forward, up, orthographic=True,
-            height=data.ortho_scale * height / side, shift=shift,
+            height=data.ortho_scale * height / side, shift=shift, aspect=width / height,
         )  # fmt: skip
     fov = 2 * math.atan(sensor / (2 * data.lens) * height / side)
-    return Camera(position, position + forward, up, fov=fov, shift=shift)
+    return Camera(position, position + forward, up, fov=fov, shift=shift, aspect=width / height)

@@ -16,7 +16,8 @@ class Camera:
     """A perspective or orthographic camera.
 
     `fov` is the full vertical angle of view in radians (perspective), `height` the world height of
-    the view (orthographic); `shift` moves the image by shares of its height (right, up).
+    the view (orthographic); `shift` moves the image by shares of its height (right, up); `aspect`
+    is the image's width over its height, where that is known.
     """
 
     position: ArrayLike
@@ -26,6 +27,7 @@ class Camera:
     orthographic: bool = False
     height: float = 1.0
     shift: tuple[float, float] = (0.0, 0.0)
+    aspect: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "position", vector("camera position", self.position))
@@ -33,6 +35,8 @@ class Camera:
         object.__setattr__(self, "up", unit_vector("camera up", self.up))
         object.__setattr__(self, "fov", number("camera fov", self.fov, 1e-4, math.pi - 1e-3))
         object.__setattr__(self, "height", number("camera height", self.height, 1e-12, 1e12))
+        if self.aspect is not None:
+            object.__setattr__(self, "aspect", number("camera aspect", self.aspect, 1e-6, 1e6))
         unit_vector("camera view", np.asarray(self.look_at) - np.asarray(self.position))
         if np.linalg.norm(np.cross(self.forward, np.asarray(self.up))) < 1e-9:
             raise bad("camera up", np.asarray(self.up).tolist(), "not along the view direction")
@@ -47,7 +51,7 @@ class Camera:
         """Unit vector in which the camera looks."""
         return unit_vector("view", np.asarray(self.look_at) - np.asarray(self.position))
 
-    def rays(self, width: int, height: int) -> NDArray[np.float64]:
+    def rays(self, width: float, height: float) -> NDArray[np.float64]:
         """[6, 3]: origin, its change per pixel right and down, the same for the direction.
 
         The ray through the image position (u, v), in pixels from the top left corner, starts at

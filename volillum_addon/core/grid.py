@@ -15,6 +15,9 @@ SINGULAR = 1e-9
 # Voxels of a slab.
 SLAB = 1 << 13
 
+# A box of voxels: its lowest indices, and the first beyond the highest.
+Region = tuple[tuple[int, int, int], tuple[int, int, int]]
+
 
 @dataclass(frozen=True, eq=False)
 class Grid:
@@ -134,9 +137,13 @@ class Grid:
         return Grid(values, affine, self.name)
 
 
-def active_box(
-    *grids: Grid, margin: int = 0
-) -> tuple[tuple[int, int, int], tuple[int, int, int]] | None:
+def triple(numbers: NDArray[np.int64]) -> tuple[int, int, int]:
+    """Three numbers of an array as Python's own."""
+    a, b, c = (int(number) for number in numbers)
+    return a, b, c
+
+
+def active_box(*grids: Grid, margin: int = 0) -> Region | None:
     """The smallest index box [low, high) that holds every non-zero voxel, grown by `margin`.
 
     None when all voxels are zero. The margin may reach beyond the grid.

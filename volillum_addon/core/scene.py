@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from .camera import Camera
 from .errors import bad
+from .grid import Region
 from .lights import (
     AreaLight,
     DistantLight,
@@ -16,17 +17,24 @@ from .lights import (
     shines,
 )
 from .medium import Medium
+from .view import seen_region
 
 LIGHT_TYPES = (DistantLight, PointLight, SpotLight, AreaLight, EnvironmentLight)
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What is rendered. The camera may be missing until a model or an image needs it."""
+    """What is rendered. The camera may be missing until a model or an image needs it.
+
+    `seen_only`: the illumination is for the camera's view alone. `wanted` is then the box of voxels
+    whose illumination counts, of a trimmed scene; what a model makes of the others is left out.
+    """
 
     medium: Medium
     lights: tuple[Light, ...]
     camera: Camera | None = None
+    seen_only: bool = False
+    wanted: Region | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "lights", tuple(self.lights))
@@ -47,4 +55,8 @@ class Scene:
     def trimmed(self, margin: int) -> Scene:
         """The scene with `Medium.trimmed` and without lights of no strength."""
         lights = tuple(light for light in self.lights if shines(light))
-        return replace(self, medium=self.medium.trimmed(margin), lights=lights)
+        medium = self.medium.trimmed(margin)
+        wanted = None
+        if self.seen_only:
+            wanted = seen_region(self.need_camera(), medium.sigma_t, margin)
+        return replace(self, medium=medium, lights=lights, wanted=wanted)

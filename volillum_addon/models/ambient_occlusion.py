@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.control import Control
-from ..core.grid import Grid
+from ..core.grid import Grid, Region, triple
 from ..core.lights import Light
 from ..core.medium import Medium
 from ..core.native import native
@@ -70,22 +70,23 @@ def resolve(scene: Scene, values: Values) -> dict[str, Value]:
 def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
     """1 - T_p or 1 - O as `openness` (RGB if extinction is); S_p or E as `bleeding`."""
     row, medium = operator(values), scene.medium
+    lattice, wanted = medium.sigma_t, scene.wanted
     length = row.reference_length if row.law == "bounded" else 0.0
     bleeds = _bleeds(medium, values)
     albedo = medium.constant_albedo if bleeds else None
     wide = bleeds and albedo is None
     with control.stage(0.0, 0.5 if wide else 1.0, "summing occlusion"):
-        planes = _sums(row, medium.sigma_t, medium.sigma_t.planes(), control, length, True)
-        channels = {"openness": channels_of(medium.sigma_t, planes, "openness")}
+        planes = _sums(row, lattice, lattice.planes(), wanted, control, length, True)
+        channels = {"openness": channels_of(lattice, planes, "openness")}
     if albedo is not None:
         # One albedo: its mean over neighbours needs no convolution of its own.
         colour = albedo[:1] if np.ptp(albedo) == 0 and len(planes) == 1 else albedo
         bleeding = (1 - planes) * colour.astype(np.float32)[:, None, None, None]
-        channels["bleeding"] = channels_of(medium.sigma_t, bleeding, "bleeding")
+        channels["bleeding"] = channels_of(lattice, bleeding, "bleeding")
     elif bleeds:
         with control.stage(0.5, 1.0, "summing colour"):
-            planes = _sums(row, medium.sigma_t, _colours(medium, length), control)
-            channels["bleeding"] = channels_of(medium.sigma_t, planes, "bleeding")
+            planes = _sums(row, lattice, _colours(medium, length), wanted, control)
+            channels["bleeding"] = channels_of(lattice, planes, "bleeding")
     return channels
 
 
@@ -93,17 +94,20 @@ def _sums(
     row: Operator,
     lattice: Grid,
     planes: NDArray[np.float32],
+    wanted: Region | None,
     control: Control,
     opacity_length: float = 0.0,
     complement: bool = False,
 ) -> NDArray[np.float32]:
+    """The neighbourhoods' sums of the planes; 0 at voxels that are not wanted."""
+    around = _within_reach(lattice, wanted, row.radius)
     bounded = row.law == "bounded"
     # Unbounded sums beside an opaque voxel of 1e6 would drown in the rounding of single precision;
     # half balls are summed without cancellation.
     convolve = partial(native.convolve, precision="single" if bounded else "double")
-    half = partial(native.hemisphere_sums, guide=lattice.planes())
+    half = partial(native.hemisphere_sums, guide=_part(lattice.planes(), around))
     sums: NDArray[np.float32] = (half if row.lobe == "hemisphere" else convolve)(
-        planes,
+        _part(planes, around),
         index_to_world=lattice.index_to_world,
         radius=row.radius,
         weight_p=int(row.weight_p),
@@ -113,7 +117,28 @@ def _sums(
         complement=complement,
         control=control.native,
     )
-    return sums
+    if wanted is None:
+        return sums
+    result = np.zeros_like(planes)
+    begin = np.array(around[0])
+    inside = triple(np.array(wanted[0]) - begin), triple(np.array(wanted[1]) - begin)
+    result[:, *map(slice, *wanted)] = _part(sums, inside)
+    return result
+
+
+def _within_reach(lattice: Grid, wanted: Region | None, radius: float) -> Region:
+    """The box of voxels that count for those that are wanted."""
+    if wanted is None:
+        return (0, 0, 0), lattice.shape
+    per_world = np.linalg.norm(np.linalg.inv(lattice.index_to_world[:3, :3]), axis=1)
+    # Half balls open along the gradient, which reaches one voxel further.
+    reach = np.ceil(radius * per_world).astype(int) + 1
+    low, high = np.array(wanted[0]) - reach, np.array(wanted[1]) + reach
+    return triple(np.maximum(low, 0)), triple(np.minimum(high, lattice.shape))
+
+
+def _part(planes: NDArray[np.float32], region: Region) -> NDArray[np.float32]:
+    return np.ascontiguousarray(planes[:, *map(slice, *region)])
 
 
 def _colours(medium: Medium, opacity_length: float) -> NDArray[np.float32]:

@@ -51,15 +51,17 @@ def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
         return {"visibility": channels_of(sigma_t, planes, "visibility")}
     if camera.orthographic:
         vectors, weights = cone_rule(theta, count)
-        planes = sweep(sigma_t, about(vectors, -camera.forward), weights[:, None], near, control)
+        planes = sweep(
+            sigma_t, about(vectors, -camera.forward), weights[:, None], near, control,
+            wanted=scene.wanted,
+        )  # fmt: skip
         return {"visibility": channels_of(sigma_t, planes[:, 0], "visibility")}
     cones = local_cones(
         sigma_t, camera.eye, theta, count, "the camera",
         "move the camera away, widen theta, or take an orthographic camera",
     )  # fmt: skip
-    return {
-        "visibility": channels_of(sigma_t, visibility(sigma_t, cones, near, control), "visibility")
-    }
+    planes = visibility(sigma_t, cones, near, control, wanted=scene.wanted)
+    return {"visibility": channels_of(sigma_t, planes, "visibility")}
 
 
 def radiance(lights: tuple[Light, ...], medium: Medium, values: Values) -> tuple[RadianceTerm, ...]:

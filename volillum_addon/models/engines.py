@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.control import Control
-from ..core.grid import Grid
+from ..core.grid import Grid, Region
 from ..core.native import native
 
 
@@ -19,8 +19,10 @@ def sweep(
     near: int,
     control: Control,
     radius: float = math.inf,
+    wanted: Region | None = None,
 ) -> NDArray[np.float32]:
-    """Weighted sums of transmittance, [extinction channels, c, i, j, k], for weights [d, c]."""
+    """Weighted sums of transmittance, [extinction channels, c, i, j, k], for weights [d, c]; 0
+    where they are not wanted."""
     result = []
     for index, plane in enumerate(sigma_t.planes()):
         with control.stage(index / sigma_t.channels, (index + 1) / sigma_t.channels, "sweeping"):
@@ -32,6 +34,7 @@ def sweep(
                     np.ascontiguousarray(weights, dtype=np.float32),
                     radius=radius,
                     near_slices=near,
+                    wanted=wanted,
                     control=control.native,
                 )
             )

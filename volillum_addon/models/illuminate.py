@@ -6,9 +6,11 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from ..core.control import Control
 from ..core.errors import bad
-from ..core.grid import Grid
+from ..core.grid import Grid, Region
 from ..core.lights import Light, shines
 from ..core.scene import Scene
 from .model import Values
@@ -28,9 +30,9 @@ def illuminate(
     """The model's illumination of the scene, in memory; `model` is an id, or one for each kind of
     light: {"sun": ID, "sky": ID}.
 
-    The volume's lattice is the box of the medium's matter grown by VOID_MARGIN voxels. Raises
-    InputError for bad input or a scene that the model cannot serve, Cancelled when `control` says
-    so.
+    The volume's lattice is the box of the medium's matter grown by VOID_MARGIN voxels; where the
+    scene is for its camera's view alone, channels are 0 outside of it. Raises InputError for bad
+    input or a scene that the model cannot serve, Cancelled when `control` says so.
     """
     chosen = get(model)
     values = chosen.values(parameters or {})
@@ -39,8 +41,18 @@ def illuminate(
     trimmed = scene.trimmed(VOID_MARGIN)
     begin = time.perf_counter()
     channels = chosen.solve(trimmed, chosen.resolved(trimmed, values), control)
+    if trimmed.wanted is not None:
+        channels = {name: _only(grid, trimmed.wanted) for name, grid in channels.items()}
     seconds = time.perf_counter() - begin
     return assembled(trimmed, chosen.id, values, channels, seconds)
+
+
+def _only(grid: Grid, wanted: Region) -> Grid:
+    """The grid with zeros outside of a box."""
+    inside = tuple(map(slice, *wanted))
+    values = np.zeros_like(grid.values)
+    values[inside] = grid.values[inside]
+    return grid.with_values(values, grid.name)
 
 
 def assembled(

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..core.control import Control
 from ..core.directions import AngularLattice
 from ..core.errors import InputError
-from ..core.grid import Grid
+from ..core.grid import Grid, Region
 from ..core.native import native
 
 # The weights are interpolated between nodes whose axes differ by at most this share of the angular
@@ -93,9 +93,15 @@ def local_cones(
 
 
 def visibility(
-    sigma_t: Grid, cones: LocalCones, near: int, control: Control, to_lamp: bool = False
+    sigma_t: Grid,
+    cones: LocalCones,
+    near: int,
+    control: Control,
+    to_lamp: bool = False,
+    wanted: Region | None = None,
 ) -> NDArray[np.float32]:
-    """Mean transmittance over each voxel's cone, [extinction channels, i, j, k].
+    """Mean transmittance over each voxel's cone, [extinction channels, i, j, k]; 0 where it is not
+    wanted.
 
     Rays run to the border, or, `to_lamp`, to where they are nearest to the place: all that have one
     direction end on the plane through the place across it, so that what lies beyond is left out of
@@ -108,7 +114,7 @@ def visibility(
                 planes[plane] += native.sweep_weighted(
                     part.before_lamp(sigma_t, sigma_t.planes()[plane]), sigma_t.index_to_world,
                     part.directions, part.weights, cones.spacing,
-                    near_slices=near, control=control.native,
+                    near_slices=near, wanted=wanted, control=control.native,
                 )  # fmt: skip
     # Cubic weights have negative lobes: at edges they may leave a visibility's range by 1e-3.
     return np.asarray(np.clip(planes, 0, 1))

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from ..core.control import Control
 from ..core.directions import about, cone_rule
-from ..core.grid import Grid
+from ..core.grid import Grid, Region
 from ..core.lights import DistantLight, Light, PointLight
 from ..core.medium import Medium
 from ..core.scene import Scene
@@ -48,15 +48,19 @@ def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
         name = f"visibility_{index}"
         with control.stage(index / len(lights), (index + 1) / len(lights), f"light {index + 1}"):
             if isinstance(light, PointLight):
-                planes = lamp_visibility(scene.medium, light, values, control)
+                planes = lamp_visibility(scene.medium, light, values, control, scene.wanted)
             else:
-                planes = sun_visibility(scene.medium, light, values, control)
+                planes = sun_visibility(scene.medium, light, values, control, scene.wanted)
         channels[name] = channels_of(sigma_t, planes, name)
     return channels
 
 
 def sun_visibility(
-    medium: Medium, sun: DistantLight, values: Values, control: Control
+    medium: Medium,
+    sun: DistantLight,
+    values: Values,
+    control: Control,
+    wanted: Region | None = None,
 ) -> NDArray[np.float32]:
     """V, [extinction channels, i, j, k]."""
     toward = np.asarray(sun.direction)
@@ -64,12 +68,17 @@ def sun_visibility(
         return blurred_slices(medium, toward, values, control)
     vectors, weights = cone_rule(float(values["theta"]), int(values["directions"]))
     return sweep(
-        medium.sigma_t, about(vectors, toward), weights[:, None], int(values["near"]), control
-    )[:, 0]
+        medium.sigma_t, about(vectors, toward), weights[:, None], int(values["near"]), control,
+        wanted=wanted,
+    )[:, 0]  # fmt: skip
 
 
 def lamp_visibility(
-    medium: Medium, lamp: PointLight, values: Values, control: Control
+    medium: Medium,
+    lamp: PointLight,
+    values: Values,
+    control: Control,
+    wanted: Region | None = None,
 ) -> NDArray[np.float32]:
     """V (d0 / d)^2, [extinction channels, i, j, k]."""
     sigma_t, position = medium.sigma_t, np.asarray(lamp.position)
@@ -82,7 +91,9 @@ def lamp_visibility(
         planes = blurred_slices(medium, toward, values, control, position)
     else:
         cones = local_cones(sigma_t, position, theta, count, "a point light", advice)
-        planes = visibility(sigma_t, cones, int(values["near"]), control, to_lamp=True)
+        planes = visibility(
+            sigma_t, cones, int(values["near"]), control, to_lamp=True, wanted=wanted
+        )
     return planes * falloff(sigma_t, position)
 
 

@@ -32,7 +32,7 @@ from ..core.colour import LUMINANCE, luminance
 from ..core.control import Control
 from ..core.directions import about, cone_rule
 from ..core.errors import bad
-from ..core.grid import Grid
+from ..core.grid import Grid, Region
 from ..core.lights import DistantLight, Light, PointLight
 from ..core.medium import Medium
 from ..core.native import native
@@ -94,7 +94,7 @@ def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
                 continue
             with control.stage(0, SHADOW_SHARE, "shadow"):
                 name = f"shadow_{index}"
-                channels[name] = hard_shadow(scene.medium, light, name, control)
+                channels[name] = hard_shadow(scene.medium, light, name, control, scene.wanted)
             if has_chroma(scene.medium):
                 with control.stage(SHADOW_SHARE, 1, "hue"):
                     name = f"chroma_{index}"
@@ -128,7 +128,9 @@ def published(
     return channels
 
 
-def hard_shadow(medium: Medium, light: Directed, name: str, control: Control) -> Grid:
+def hard_shadow(
+    medium: Medium, light: Directed, name: str, control: Control, wanted: Region | None = None
+) -> Grid:
     """lambda(L_l T(x, omega_L)) / lambda(L_l), of a point light L_l at the medium's centre."""
     sigma_t = medium.sigma_t
     if isinstance(light, PointLight):
@@ -138,7 +140,9 @@ def hard_shadow(medium: Medium, light: Directed, name: str, control: Control) ->
         )
     else:
         toward = np.asarray(light.direction)[None]
-        planes = sweep(sigma_t, toward, np.ones((1, 1)), SHADOW_NEAR_SLICES, control)[:, 0]
+        planes = sweep(
+            sigma_t, toward, np.ones((1, 1)), SHADOW_NEAR_SLICES, control, wanted=wanted
+        )[:, 0]
     if len(planes) == 1:
         return channels_of(sigma_t, planes, name)
     shares = (LUMINANCE * hue(unoccluded(light, medium))).astype(np.float32)

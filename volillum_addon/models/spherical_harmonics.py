@@ -60,7 +60,7 @@ def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
     if is_published(values):
         planes = composed(sigma_t, vectors, basis, values, control)
     else:
-        planes = sweep(sigma_t, vectors, basis, near, control, radius)
+        planes = sweep(sigma_t, vectors, basis, near, control, radius, scene.wanted)
     channels = {}
     if sigma_t.channels == 3:
         for index in range(count):
