@@ -9,6 +9,8 @@ sky. Each row takes one thing away:
     no emission  nothing glows
     one eighth   matter in one octant alone; scattered: as much, in two cubes at the
                  ends of a diagonal, so that no box around it is smaller than the grid
+    a quarter seen
+                 the camera sees a quarter, and the bake is for its view alone
     even sky     no sun and a sky of one radiance, whose energy is in the lowest harmonic band
                  (bands = lit; the setting's default stores all, which serve other lights later)
     graded sky   the same with a gradient: two bands
@@ -86,6 +88,8 @@ def lacking(model: Model, size: int) -> Iterator[tuple[str, Scene, Mapping[str, 
     part = round(size * (1 / 16) ** (1 / 3))  # two cubes of a sixteenth each
     ends[:part, :part, :part] = ends[-part:, -part:, -part:] = 1
     yield "one eighth, scattered", masked(scene, ends), {}
+    part = Camera((0.25, -3.0, 0.3), (0.25, 0.5, 0.3), orthographic=True, height=0.5, aspect=1.0)
+    yield "a quarter seen", replace(scene, camera=part, seen_only=True), {}
     if operator.basis is not None:
         up = np.sin((np.arange(128) + 0.5) / 128 * math.pi - math.pi / 2, dtype=np.float32)
         graded = np.broadcast_to((1 + 0.5 * up)[:, None, None], (128, 256, 3))

@@ -53,7 +53,7 @@ def _read(scene: bpy.types.Scene, frame: int) -> Reading:
     """The scene at the frame. Raises InputError, which names it."""
     scene.frame_set(frame)
     try:
-        return work.read(scene)
+        return work.read_to_bake(scene)
     except EmptyGridError as error:
         raise InputError(f"frame {frame}: {error}, or a range without this frame") from error
     except InputError as error:

@@ -109,6 +109,11 @@ def _add_bake(command: argparse.ArgumentParser) -> None:
         metavar="A-B",
         help="bake these frames as a sequence, and print a line of JSON for each",
     )
+    command.add_argument(
+        "--seen-only",
+        action="store_true",
+        help="no light where the scene's camera does not look (default: as the file says)",
+    )
     command.set_defaults(run=_bake)
 
 
@@ -233,6 +238,7 @@ def _bake(options: argparse.Namespace) -> None:
             options.frames,
             options.output,
             options.progress_seconds,
+            options.seen_only,
         )
         return
     print(
@@ -243,6 +249,7 @@ def _bake(options: argparse.Namespace) -> None:
             dict(options.given),
             options.output,
             options.progress_seconds,
+            options.seen_only,
         )
     )
 

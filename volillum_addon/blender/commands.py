@@ -72,6 +72,17 @@ def make_scene(
     return str(target)
 
 
+@contextmanager
+def _only_seen(scene: bpy.types.Scene, seen_only: bool) -> Iterator[None]:
+    """The scene with the setting on where that is asked for, and as it was afterwards."""
+    settings, before = scene.volillum, scene.volillum.seen_only
+    settings.seen_only = before or seen_only
+    try:
+        yield
+    finally:
+        settings.seen_only = before
+
+
 def bake(
     file: Path | None,
     scene_name: str | None,
@@ -79,11 +90,12 @@ def bake(
     given: Mapping[str, str],
     directory: Path,
     progress_seconds: float | None,
+    seen_only: bool = False,
 ) -> str:
     """Bake with the file's own parameters, `given` over them; the baked file's path."""
-    with quiet(), opened(file, scene_name) as scene:
+    with quiet(), opened(file, scene_name) as scene, _only_seen(scene, seen_only):
         values = {**properties.model_values(scene.volillum, model), **given}
-        reading = work.read(scene)
+        reading = work.read_to_bake(scene)
         begin = time.monotonic()
         with watched(f"baking {model}", progress_seconds) as control:
             baked = work.bake(reading, model, values, directory, control)
@@ -104,9 +116,10 @@ def bake_frames(
     frames: Sequence[int],
     directory: Path,
     progress_seconds: float | None,
+    seen_only: bool = False,
 ) -> None:
     """Bake a range of frames as one sequence; a line of JSON for each frame once it is there."""
-    with quiet() as say, opened(file, scene_name) as scene:
+    with quiet() as say, opened(file, scene_name) as scene, _only_seen(scene, seen_only):
         values = {**properties.model_values(scene.volillum, model), **given}
         with watched(f"baking {model}", progress_seconds) as control:
             for frame in animation.bake(scene, model, values, frames, directory, control):

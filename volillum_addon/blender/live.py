@@ -157,7 +157,10 @@ class Live:
         if self._reading is None or self._reading[0] != medium:
             self._reading = medium, work.read(scene)
         held = self._reading[1]
-        now = Scene(held.scene.medium, read_lights(scene), read_scene_camera(scene))
+        now = Scene(
+            held.scene.medium, read_lights(scene), read_scene_camera(scene),
+            scene.volillum.seen_only,
+        )  # fmt: skip
         return replace(held, scene=now)
 
     def _collect(self, scene: bpy.types.Scene, job: Job[Result]) -> None:

@@ -24,7 +24,7 @@ class VOLILLUM_OT_bake(modal.WorkOperator, bpy.types.Operator):
     def prepare(self, context: bpy.types.Context) -> Work[Any]:
         """Read the scene; the bake itself knows nothing of Blender."""
         scene = context.scene
-        asked, source, reading = Asked.of(scene), work.noted_source(scene), work.read(scene)
+        asked, source, reading = Asked.of(scene), work.noted_source(scene), work.read_to_bake(scene)
         return Work(
             lambda control: work.bake(
                 reading, asked.model, asked.values, asked.directory, control

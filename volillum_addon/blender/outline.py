@@ -29,7 +29,7 @@ def outline(scene: bpy.types.Scene, volume: bpy.types.Object) -> Scene:
     if scene.camera is not None:
         camera = read_camera(scene.camera, *image_size(scene))
     medium = Medium(_VOXEL, _VOXEL, _VOXEL if glows else None, g)
-    return Scene(medium, lights(scene), camera)
+    return Scene(medium, lights(scene), camera, scene.volillum.seen_only)
 
 
 def closures(volume: bpy.types.Object) -> list[Closure]:

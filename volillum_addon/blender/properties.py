@@ -120,6 +120,12 @@ class Settings(bpy.types.PropertyGroup):
         "Store the radiance for the lights as they are as one colour grid in a file of its own, "
         "and show that. EEVEE gets it anyway from bakes of more grids than it reads",
     )
+    seen_only: _still(
+        bpy.props.BoolProperty,
+        "Only what the camera sees",
+        "Bake no light where the scene's camera does not look: close views bake faster, into "
+        "smaller files. Other views then need another bake",
+    )
     directory: _text(
         "Output",
         "Where bakes and reports go",

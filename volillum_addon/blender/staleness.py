@@ -16,7 +16,7 @@ from typing import Any
 import bpy
 
 from ..bake.frame_files import files, frame_file, frame_of
-from ..bake.hashing import PARTS
+from ..bake.hashing import ALSO_SEEN_ONLY, PARTS
 from ..bake.radiance_file import shows
 from ..bake.vdb import read_metadata
 from ..core.errors import InputError
@@ -100,7 +100,7 @@ def state(scene: bpy.types.Scene, volume: bpy.types.Object) -> tuple[str, str]:
     model.check(bare)
     medium = _digest([*source(settings, volume).values(), bare.medium.g])
     given = model_values(settings, model.id)
-    parts = [PARTS[part](bare, model) for part in _parts_of(model, given)]
+    parts = [PARTS[part](bare, model) for part in _parts_of(bare.seen_only, model, given)]
     values = {name: str(value) for name, value in given.items()}
     return _digest([medium, model.id, values, parts]), medium
 
@@ -164,9 +164,10 @@ def _shown(value: object) -> str:
         return str(value)
 
 
-def _parts_of(model: Model, values: Values) -> list[str]:
+def _parts_of(seen_only: bool, model: Model, values: Values) -> list[str]:
     """What a bake with these settings depends on beside the medium."""
-    return [part for part in sorted(model.rebakes_on(model.values(values))) if part in PARTS]
+    parts = model.rebakes_on(model.values(values)) | ALSO_SEEN_ONLY[seen_only]
+    return [part for part in sorted(parts) if part in PARTS]
 
 
 def _parts(
@@ -175,7 +176,10 @@ def _parts(
     """The lights' and the camera's digests against those of the bake."""
     before = metadata["inputs"]
     try:
-        parts = _parts_of(model, metadata["parameters"])
+        seen_only = scene.volillum.seen_only
+        if seen_only != ("view" in before):
+            return ["all was baked" if seen_only else "only what the camera saw was baked"]
+        parts = _parts_of(seen_only, model, metadata["parameters"])
         if not parts:
             return []
         bare = outline(scene, volume)

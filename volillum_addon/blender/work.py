@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +54,12 @@ def read(scene: bpy.types.Scene) -> Reading:
     settings = scene.volillum
     plain = MediumSettings(settings.density_scale, tuple(settings.albedo))
     return read_scene(scene, chosen_volume(scene), settings.density_grid or None, plain)
+
+
+def read_to_bake(scene: bpy.types.Scene) -> Reading:
+    """The same for a bake, which may be for the camera's view alone. Raises InputError."""
+    reading = read(scene)
+    return replace(reading, scene=replace(reading.scene, seen_only=scene.volillum.seen_only))
 
 
 def bake(
