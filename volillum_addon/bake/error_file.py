@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from ..core.colour import LUMINANCE
 from ..core.control import Control
 from ..core.errors import InputError, bad
-from ..core.grid import Grid
+from ..core.grid import Grid, occupied
 from ..core.scene import Scene
 from ..models.illuminate import left_out
 from ..models.registry import get
@@ -76,7 +76,7 @@ def measure(volume: IlluminationVolume, reference: IlluminationVolume, scene: Sc
         each.in_scattered(view=view).values.astype(np.float64) @ LUMINANCE
         for each in (volume, reference)
     )
-    matter = lattice.values.reshape(*lattice.shape, -1).any(-1)
+    matter = occupied(lattice.values)
     unit = math.sqrt(float(np.mean(full[matter] ** 2)))
     if unit == 0:
         raise bad("the radiance of full scattering", "0 everywhere", "some light to compare with")

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from .. import __version__
 from ..core.errors import InputError, bad
-from ..core.grid import Grid
+from ..core.grid import Grid, occupied
 from ..core.medium import Medium
 from ..models.angular import Angular, Moment, Phase
 from ..models.illuminate import VOID_MARGIN
@@ -261,11 +261,9 @@ def _stored(volume: IlluminationVolume, near: NDArray[np.bool_]) -> Iterator[tup
 
 def near_matter(medium: Medium) -> NDArray[np.bool_]:
     """[i, j, k]: whether some voxel at most KEPT_MARGIN away along each axis holds matter."""
-    near: NDArray[np.bool_] = (
-        (medium.sigma_t.values != 0).reshape(*medium.sigma_t.shape, -1).any(-1)
-    )
+    near = occupied(medium.sigma_t.values)
     if medium.emission is not None:
-        near |= (medium.emission.values != 0).reshape(*near.shape, -1).any(-1)
+        near |= occupied(medium.emission.values)
     for axis in range(3):
         along = np.moveaxis(near, axis, 0)
         source = along.copy()

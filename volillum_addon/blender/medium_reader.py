@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import InputError
-from ..core.grid import Grid
+from ..core.grid import Grid, occupied
 from ..core.medium import Medium
 from .fields import Field, link_source, node_place, read_constant, read_input, unsupported
 
@@ -95,7 +95,7 @@ def read_medium(
     extinction = _evaluate(sigma_t, grids, factor)
     glow = None
     if emission.grids or np.any(emission.constant != 0):
-        where = (extinction.values != 0).reshape(*extinction.shape, -1).any(-1)
+        where = occupied(extinction.values)
         glow = _evaluate(emission, grids, factor, where)
     scattering = _evaluate(sigma_s, grids, factor)
     medium = Medium(

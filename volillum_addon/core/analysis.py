@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from . import harmonics
 from .camera import Camera
+from .grid import occupied
 from .lights import (
     AreaLight,
     DistantLight,
@@ -112,10 +113,9 @@ def analysis(scene: Scene) -> Analysis:
     lit = [light for light in scene.lights if np.any(light.fluence(sigma_t.centre) > 0)]
     total = sum(float(light.fluence(sigma_t.centre).sum()) for light in lit)
     mean_t, mean_s = (float(np.mean(grid.values)) for grid in (sigma_t, medium.sigma_s))
-    occupied = sigma_t.values.reshape(*sigma_t.shape, -1).any(-1)
     return Analysis(
         shape=sigma_t.shape,
-        matter=float(np.mean(occupied)),
+        matter=float(np.mean(occupied(sigma_t.values))),
         extinction_channels=sigma_t.channels,
         scattering_channels=medium.sigma_s.channels,
         emission_channels=0 if medium.emission is None else medium.emission.channels,

@@ -137,6 +137,15 @@ class Grid:
         return Grid(values, affine, self.name)
 
 
+def occupied(values: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """[i, j, k]: whether any channel differs from 0, of values [i, j, k] or [i, j, k, 3]."""
+    if values.ndim == 3:
+        return np.asarray(values != 0)
+    # Channel by channel: numpy reduces short last axes thirty times more slowly.
+    red, green, blue = (values[..., channel] != 0 for channel in range(3))
+    return np.asarray(red | green | blue)
+
+
 def triple(numbers: NDArray[np.int64]) -> tuple[int, int, int]:
     """Three numbers of an array as Python's own."""
     a, b, c = (int(number) for number in numbers)
@@ -148,17 +157,17 @@ def active_box(*grids: Grid, margin: int = 0) -> Region | None:
 
     None when all voxels are zero. The margin may reach beyond the grid.
     """
-    occupied = np.zeros(grids[0].shape, bool)
+    used = np.zeros(grids[0].shape, bool)
     for grid in grids:
-        occupied |= (grid.values != 0).reshape(*grid.shape, -1).any(-1)
-    if not occupied.any():
+        used |= occupied(grid.values)
+    if not used.any():
         return None
     low, high = [], []
     for axis in range(3):
         others = tuple(a for a in range(3) if a != axis)
-        used = np.flatnonzero(occupied.any(axis=others))
-        low.append(int(used[0]) - margin)
-        high.append(int(used[-1]) + 1 + margin)
+        layers = np.flatnonzero(used.any(axis=others))
+        low.append(int(layers[0]) - margin)
+        high.append(int(layers[-1]) + 1 + margin)
     return (low[0], low[1], low[2]), (high[0], high[1], high[2])
 
 

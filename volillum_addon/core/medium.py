@@ -156,7 +156,10 @@ def _scaled(density: Grid, scale: np.ndarray) -> Grid:
 def _one_channel(grid: Grid) -> Grid:
     if grid.channels == 1:
         return grid
-    spread = np.ptp(grid.values, axis=-1)
-    if np.all(spread <= GREY_SLACK * np.abs(grid.values).max(axis=-1)):
-        return grid.with_values(np.ascontiguousarray(grid.values[..., 0]))
-    return grid
+    for slab in grid.slabs():  # the first with colours decides
+        red, green, blue = (grid.values[slab][..., channel] for channel in range(3))
+        highest = np.maximum(np.maximum(red, green), blue)
+        lowest = np.minimum(np.minimum(red, green), blue)
+        if np.any(highest - lowest > GREY_SLACK * np.maximum(highest, -lowest)):
+            return grid
+    return grid.with_values(np.ascontiguousarray(grid.values[..., 0]))

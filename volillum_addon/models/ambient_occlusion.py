@@ -102,11 +102,13 @@ def _sums(
     """The neighbourhoods' sums of the planes; 0 at voxels that are not wanted."""
     around = _within_reach(lattice, wanted, row.radius)
     bounded = row.law == "bounded"
-    # Unbounded sums beside an opaque voxel of 1e6 would drown in the rounding of single precision;
-    # half balls are summed without cancellation.
-    convolve = partial(native.convolve, precision="single" if bounded else "double")
-    half = partial(native.hemisphere_sums, guide=_part(lattice.planes(), around))
-    sums: NDArray[np.float32] = (half if row.lobe == "hemisphere" else convolve)(
+    if row.lobe == "hemisphere":  # half balls are summed without cancellation
+        sum_up = partial(native.hemisphere_sums, guide=_part(lattice.planes(), around))
+    else:
+        # Unbounded sums beside an opaque voxel of 1e6 would drown in the rounding of single
+        # precision.
+        sum_up = partial(native.convolve, precision="single" if bounded else "double")
+    sums: NDArray[np.float32] = sum_up(
         _part(planes, around),
         index_to_world=lattice.index_to_world,
         radius=row.radius,

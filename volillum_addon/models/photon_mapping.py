@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.control import Control
-from ..core.grid import Grid
+from ..core.grid import Grid, occupied
 from ..core.lights import Light
 from ..core.medium import Medium
 from ..core.scene import Scene
@@ -124,7 +124,7 @@ def remarks(volume: IlluminationVolume) -> tuple[str, ...]:
     g, sigma_t, errors = volume.medium.g, volume.medium.sigma_t, volume.channels[STANDARD_ERROR]
     count, power, noise, found = 0, 0.0, 0.0, np.zeros(MOMENT_ORDER + 1)
     for slab in sigma_t.slabs():
-        matter = sigma_t.values[slab].reshape(*sigma_t.values[slab].shape[:3], -1).any(-1)
+        matter = occupied(sigma_t.values[slab])
         count += int(matter.sum())
         power += _squared(volume.mean_over_views_in(slab)[matter])
         noise += _squared(errors.values[slab][matter]) * 3 / errors.channels

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import bad
-from ..core.grid import Grid
+from ..core.grid import Grid, occupied
 from ..core.lights import Light
 from ..core.medium import Medium
 from .angular import Angular, Moment, View, toward_eye
@@ -178,7 +178,7 @@ class IlluminationVolume:
         errors = self.channels[STANDARD_ERROR]
         noise = power = 0.0
         for slab in sigma_t.slabs():
-            matter = sigma_t.values[slab].reshape(*sigma_t.values[slab].shape[:3], -1).any(-1)
+            matter = occupied(sigma_t.values[slab])
             shown = self.mean_over_views_in(slab)[matter].astype(np.float64)
             error = errors.values[slab][matter].astype(np.float64)
             power += float((shown**2).sum()) / 3
