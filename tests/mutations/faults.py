@@ -240,4 +240,25 @@ FAULTS = (
         "_falloff(",
         ("tests/models/test_photon_lights.py::test_an_area_light_has_a_size",),
     ),
+    Fault(
+        "a bake for a view that ends at its border, where interpolation reaches further",
+        "volillum_addon/core/scene.py",
+        "wanted = seen_region(self.need_camera(), medium.sigma_t, margin)",
+        "wanted = seen_region(self.need_camera(), medium.sigma_t, -1)",
+        ("tests/models/test_seen_only.py::test_the_same_image",),
+    ),
+    Fault(
+        "rays that are not followed up to the voxels that are wanted",
+        "native/src/engines/sweep_lattice.cpp",
+        "if (sources[source] == Need::nothing) sources[source] = Need::sums;",
+        "(void)sources[source];",
+        ("tests/native/test_sweep_wanted.py::test_the_same_where_it_is_wanted",),
+    ),
+    Fault(
+        "a lit band taken for dark",
+        "volillum_addon/models/operator.py",
+        "DARK_BAND = 1e-4",
+        "DARK_BAND = 0.3",
+        ("tests/models/test_lit_bands.py::test_the_same_light_from_fewer_coefficients",),
+    ),
 )
