@@ -17,9 +17,10 @@ from recording_layout import RecordingLayout
 from volillum_addon.blender import import_operators, transfer
 from volillum_addon.blender.jobs import Job
 from volillum_addon.blender.scene_reader import read_scene
-from volillum_addon.readers import transfer_presets
+from volillum_addon.core.control import Cancelled
+from volillum_addon.readers import matter, transfer_presets
 from volillum_addon.readers.formats import read_volume
-from volillum_addon.readers.frames import sequence_of
+from volillum_addon.readers.frames import VolumeFiles, sequence_of
 from volillum_addon.readers.imported import read_about
 from volillum_addon.readers.medium_file import medium_of
 
@@ -135,6 +136,28 @@ def test_a_damaged_file_is_refused_and_leaves_nothing(
     assert "ct.npy" in refusal(filepath=str(path))
     assert not list(empty.objects)
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_cancelled_between_its_two_files_leaves_what_was_there(
+    tmp_path: Path, known: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, source = tmp_path / "out", VolumeFiles(ct(tmp_path))
+    out.mkdir()
+    if known:
+        matter.read_matter(source, out).values.unlink()
+    before = sorted(out.iterdir())
+    written = []
+
+    def cancelled(*_: object) -> None:
+        written.extend(out.iterdir())
+        raise Cancelled("cancelled")
+
+    monkeypatch.setattr(matter, "write_imported", cancelled)
+    with pytest.raises(Cancelled):
+        matter.read_matter(source, out)
+    assert len(written) == 1
+    assert sorted(out.iterdir()) == before
 
 
 def test_a_raw_file_takes_the_dialogs_layout(empty: bpy.types.Scene, tmp_path: Path) -> None:

@@ -59,7 +59,8 @@ def read_matter(
     control: Control | None = None,
 ) -> Imported:
     """Write the values and what a preset makes of them into `directory`; without a name the preset
-    is the one for the kind of data, of a sequence one for all frames. Any thread.
+    is the one for the kind of data, of a sequence one for all frames. What is stopped leaves both
+    files or neither; of a sequence the frames so far, to go on from. Any thread.
 
     Raises InputError, StorageError, Cancelled.
     """
@@ -74,12 +75,18 @@ def read_matter(
     digest.update(grid.values.tobytes())
     values = directory / f"{stem}.values.{digest.hexdigest()[:12]}.vdb"
     function = load(transfer or default_name(about), about)
+    before = set(directory.glob("*.vdb"))
     # First what may be refused: a function that leaves nothing leaves no file either.
     with watch.stage(0.5, 0.8, "applying the transfer function"):
         medium = write_medium((grid, about), function, directory, stem, watch)
-    with watch.stage(0.8, 1.0, f"writing {values.name}"):
-        if not values.is_file():
-            write_imported(grid, about, values, watch)
+    try:
+        with watch.stage(0.8, 1.0, f"writing {values.name}"):
+            if not values.is_file():
+                write_imported(grid, about, values, watch)
+    except BaseException:
+        if medium not in before:
+            medium.unlink(missing_ok=True)
+        raise
     return Imported(stem, values, medium, about, grid.corners(), function)
 
 
