@@ -11,6 +11,11 @@ from steps import Steps
 NOTICE_SECONDS, NOTICE_LOOPS, MOTION_SECONDS = 0.02, 3, 0.03
 # A drag is this many motions, each this long.
 DRAG_MOTIONS, DRAG_SECONDS = 12, 0.15
+# By its code: with a function key's name xdotool 3.2016 presses Alt too, since the keymap gives
+# these keys a level for Ctrl+Alt.
+F12 = "96"
+# Where another program's window stands: on the properties, beside the 3D view.
+FILES, GRIP = (1160, 700), 20
 # A line of the outliner, and where the names in it begin.
 ROW, INDENT = 20, 100
 
@@ -107,6 +112,30 @@ def drag(letter: str, begin: tuple[int, int], end: tuple[int, int]) -> Steps:
         move(x + across * share // DRAG_MOTIONS, y + up * share // DRAG_MOTIONS)
         yield DRAG_SECONDS
     yield from click(x + across, y + up)
+
+
+def drag_file(path: str, x: int, y: int) -> Steps:
+    """Drag the file here from another program's window, and drop it.
+
+    A hand of its own does it, as Blender does nothing else while something is dragged over it.
+    """
+    program = ("/usr/bin/python3", "/volillum/tests/file_manager.py", path, *map(str, FILES))
+    files = subprocess.Popen(program)
+    try:
+        display("xdotool", "search", "--sync", "--onlyvisible", "--name", "^Files$")
+        left, top = FILES[0] + GRIP, FILES[1] + GRIP
+        across, down = x - left, window().height - 1 - y - top
+        words = ["xdotool", "mousemove", left, top, "sleep", DRAG_SECONDS, "mousedown", 1]
+        for share in range(1, DRAG_MOTIONS + 1):
+            place = left + across * share // DRAG_MOTIONS, top + down * share // DRAG_MOTIONS
+            words += ["sleep", DRAG_SECONDS, "mousemove", *place]
+        words += ["sleep", DRAG_SECONDS, "mouseup", 1]
+        dragging = subprocess.Popen(list(map(str, words)))
+        yield lambda: dragging.poll() is not None
+        yield 0.5
+    finally:
+        files.kill()
+        files.wait()
 
 
 def select(name: str) -> Steps:

@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from eyes import look
-from hand import into_view, key, region, view, window
+import numpy as np
+from eyes import look, picture
+from hand import F12, into_view, key, region, view, window
 from sidebar import choose, open_sidebar, press
 from steps import Steps
 
@@ -99,6 +100,34 @@ def bake_and_wait(files: int) -> Steps:
     yield lambda: running() is None and len(baked_files()) == files
 
 
+def cancel(seen: str) -> Steps:
+    """Escape over the view, once the job has got somewhere; `seen` is the picture of it."""
+    yield lambda: running() is not None and running().control.fraction > 0.02
+    yield 0.3
+    picture(seen)
+    yield from into_view()
+    key("Escape")
+    yield lambda: running() is None
+
+
+def render() -> Steps:
+    """Press F12; the picture is there then."""
+    done = []
+    bpy.app.handlers.render_complete.append(lambda *_: done.append(1))
+    yield from into_view()
+    key(F12)
+    yield lambda: bool(done)
+    yield 1.0
+
+
+def rendered() -> np.ndarray:
+    """The picture [rows, columns, 4]."""
+    file = str(Path(bpy.app.tempdir) / "rendered.png")
+    bpy.data.images["Render Result"].save_render(file)
+    image = bpy.data.images.load(file)
+    return np.array(image.pixels).reshape(*image.size[::-1], 4)
+
+
 def baked_files() -> list[Path]:
     """The bakes of the scenario, temporary files too."""
     return sorted(Path(settings().directory).glob("*"))
@@ -107,6 +136,11 @@ def baked_files() -> list[Path]:
 def kept_bake() -> Path:
     """The bake that the settings name."""
     return Path(bpy.path.abspath(settings().baked.path))
+
+
+def scan() -> str:
+    """The file of a real scan, where there are third-party volumes."""
+    return next(name for name in ("scan.nii.gz", "ball.npy") if Path("/volillum", name).is_file())
 
 
 def in_view() -> Any:

@@ -4,10 +4,22 @@ from pathlib import Path
 
 import bpy
 from eyes import difference, look, picture
-from hand import into_view, key
+from hand import drag_file, into_view, key, middle
 from sidebar import choose_left_of, open_sidebar, press
 from steps import Steps
-from user import OTHER, in_view, lit_view, package, running, scene, settings, simple_view, volumes
+from user import (
+    OTHER,
+    cancel,
+    in_view,
+    lit_view,
+    package,
+    running,
+    scan,
+    scene,
+    settings,
+    simple_view,
+    volumes,
+)
 
 # The button right of the preset menu.
 MENU = "volillum.save_transfer("
@@ -21,12 +33,8 @@ def empty_scene(directory: str) -> None:
 
 
 def drop(name: str) -> Steps:
-    """Drop a file on the 3D view: what Blender calls then."""
-    yield from into_view()
-    with in_view():
-        bpy.ops.wm.drop_import_file(
-            "INVOKE_DEFAULT", directory="/volillum/", files=[{"name": name}]
-        )
+    """Drop a file on the 3D view."""
+    yield from drag_file(f"/volillum/{name}", *middle())
 
 
 def preset_names() -> list[str]:
@@ -76,11 +84,7 @@ def cancelling() -> Steps:
     before = blocks()
     yield from open_sidebar()
     yield from drop("large.npy")
-    yield lambda: running() is not None and running().control.fraction > 0.02
-    picture("import_progress")
-    yield from into_view()
-    key("Escape")
-    yield lambda: running() is None
+    yield from cancel("import_progress")
     yield 0.5
     picture("import_cancelled")
     assert volumes() == {}
@@ -98,9 +102,9 @@ def blocks() -> set[str]:
 def choosing() -> Steps:
     """A scan as it is opened, and with another preset from the panel's menu, as EEVEE draws it."""
     empty_scene("choosing")
-    scan = next(name for name in ("scan.nii.gz", "ball.npy") if Path("/volillum", name).is_file())
-    name = scan.split(".")[0]
-    yield from drop(scan)
+    file = scan()
+    name = file.split(".")[0]
+    yield from drop(file)
     yield lambda: running() is None and name in volumes()
     yield from open_sidebar()
     with in_view():
