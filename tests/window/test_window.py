@@ -15,13 +15,13 @@ SCENARIOS = (
     "baking.baking",
     "baking.undo_and_reload",
     "comparing.comparing",
-    "comparing.errors",
     "lighting.live",
     "opening.cancelling",
     "opening.choosing",
     "opening.importing",
+    "rows.errors",
+    "rows.side_by_side",
     "showing.rendering",
-    "showing.side_by_side",
     "showing.switching",
 )
 

@@ -11,10 +11,10 @@ from user import (
     MODEL,
     bake_and_wait,
     baked_files,
+    cancel,
     choose_model,
     kept_bake,
     open_scene,
-    running,
     scene,
     settings,
     shown_differs,
@@ -33,12 +33,7 @@ def baking() -> Steps:
     yield from type_into(f"{MODEL}.directions", "4096")
     assert getattr(settings(), MODEL).directions == 4096
     yield from press("volillum.bake(")
-    yield lambda: running() is not None and running().control.fraction > 0.02
-    yield 0.3
-    picture("panel_baking")
-    yield from into_view()
-    key("Escape")
-    yield lambda: running() is None
+    yield from cancel("panel_baking")
     assert not settings().baked.path
     assert baked_files() == []
     yield from type_into(f"{MODEL}.directions", "16")

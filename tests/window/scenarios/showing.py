@@ -1,11 +1,8 @@
-"""What stands in the volume's place: one bake or another, full scattering, a row; and rendering."""
+"""What stands in the volume's place: one bake or another, full scattering; and rendering."""
 
-from pathlib import Path
-
-import bpy
 import numpy as np
 from eyes import difference, look, picture
-from hand import click, into_view, key, point, region, view, window
+from hand import key, point, window
 from sidebar import press
 from steps import Steps
 from user import (
@@ -15,17 +12,15 @@ from user import (
     choose_model,
     lit_view,
     open_scene,
-    package,
     quick,
-    running,
+    render,
+    rendered,
     scene,
     settings,
     volumes,
 )
 
 SECOND = "half_angle"
-# In the window's top bar: the menu Render, and the first of its entries.
-RENDER_MENU, RENDER_IMAGE = (126, 885), (160, 860)
 MIDDLE = (700, 450)
 
 
@@ -65,41 +60,6 @@ def switching() -> Steps:
     assert difference(first, back) < OTHER / 2
 
 
-def side_by_side() -> Steps:
-    """Every model in a row with its name."""
-    yield from open_scene("side_by_side")
-    quick()
-    yield from lit_view()
-    scene().eevee.volumetric_tile_size = "2"
-    yield from press("volillum.side_by_side(")
-    yield lambda: running() is None and settings().stage.way == "ROW"
-    row = settings().exhibit.objects
-    labels = [each.data.body for each in row if each.type == "FONT"]
-    models = package("models.registry").models()
-    assert [" ".join(label.split()) for label in labels] == [model.label for model in models]
-    assert len([each for each in row if each.type == "VOLUME"]) == len(models)
-    # The view has turned from the camera to the row.
-    yield from look()
-    picture("side_by_side_panel", "view")
-    yield from into_view()
-    key("n")
-    yield lambda: region("UI").width <= 1
-    assert columns((yield from look())) == len(models)
-    picture("side_by_side", "view")
-    key("n")
-    yield lambda: region("UI").width > 1
-    yield from press("volillum.clear_row(")
-    assert volumes() == {"smoke": True}
-    assert view().spaces.active.region_3d.view_perspective == "CAMERA"
-
-
-def columns(shown: np.ndarray) -> int:
-    """How many separate things stand beside each other in the middle of the view."""
-    middle = shown[len(shown) // 2 - 20 : len(shown) // 2].max(axis=(0, 2))
-    lit = np.flatnonzero(middle > np.median(middle) + 0.08)
-    return 1 + int(np.count_nonzero(np.diff(lit) > 3))
-
-
 def rendering() -> Steps:
     """F12 with a bake shown."""
     yield from open_scene("rendering")
@@ -110,13 +70,7 @@ def rendering() -> Steps:
     yield from choose_model(MODEL)
     yield from bake_and_wait(1)
     yield from press("volillum.show(baked=True)")
-    done = []
-    bpy.app.handlers.render_complete.append(lambda *_: done.append(1))
-    yield from click(*RENDER_MENU)
-    yield 0.5
-    yield from click(*RENDER_IMAGE)
-    yield lambda: bool(done)
-    yield 1.0
+    yield from render()
     picture("rendered")
     shown = settings().baked.shown
     assert opaque(rendered()) > 0.2
@@ -126,14 +80,6 @@ def rendering() -> Steps:
     picture("rendered_after")
     assert settings().baked.shown == shown
     assert volumes() == {"smoke": False, shown.name: True}
-
-
-def rendered() -> np.ndarray:
-    """The picture [rows, columns, 4]."""
-    file = Path(settings().directory) / "rendered.png"
-    bpy.data.images["Render Result"].save_render(str(file))
-    image = bpy.data.images.load(str(file))
-    return np.array(image.pixels).reshape(*image.size[::-1], 4)
 
 
 def opaque(image: np.ndarray) -> float:
