@@ -17,9 +17,11 @@ MOST_BYTES = 150_000
 COLOURS = 256
 # Left, top, right and bottom in pixels: of the whole window, and of the 3D view with its sidebar.
 SIDEBAR, TRANSFER, RENDER = (865, 83, 1120, 812), (862, 55, 1118, 634), (300, 0, 1100, 900)
+INSTALL = (0, 0, 800, 640)
 ROW, ERRORS = (58, 230, 1147, 620), (58, 0, 1147, 786)
 # Of each image: the scenario's picture, what is cut out of it, and how large it is then.
 PICTURES: dict[str, tuple[str, tuple[int, int, int, int] | None, float]] = {
+    "install": ("install", INSTALL, 0.8),
     "panel_baking": ("panel_baking", SIDEBAR, 1.0),
     "panel_compared": ("panel_compared", SIDEBAR, 1.0),
     "panel_transfer": ("preset_first", TRANSFER, 1.0),

@@ -44,9 +44,11 @@ class System:
         """Run Blender in the background."""
         return self.run("blender", "--background", *arguments)
 
-    def window(self, *arguments: str) -> subprocess.CompletedProcess[str]:
-        """Run Blender in a window that fills a display of its own."""
+    def window(self, *arguments: str, user: str) -> subprocess.CompletedProcess[str]:
+        """Run Blender in a window that fills a display of its own, with the folder of a user who
+        has been here before, or a new one."""
         return self.run(
+            "env", f"BLENDER_USER_RESOURCES=/volillum/{user}",
             "/volillum/tests/display.sh", "blender", "--gpu-backend", "opengl",
             "--window-geometry", "0", "0", "1400", "900", *arguments,
         )  # fmt: skip

@@ -15,6 +15,7 @@ SCENARIOS = (
     "baking.baking",
     "baking.undo_and_reload",
     "comparing.comparing",
+    "installing.installing",
     "lighting.live",
     "opening.cancelling",
     "opening.choosing",
@@ -24,11 +25,16 @@ SCENARIOS = (
     "showing.rendering",
     "showing.switching",
 )
+# These begin without the extension.
+NEW_USERS = {"installing.installing"}
 
 
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_by_hand(system: System, pictures: Path, scenario: str) -> None:
-    done = system.window("--python", "/volillum/tests/session.py", "--", scenario, sys.executable)
+    done = system.window(
+        *("--python", "/volillum/tests/session.py", "--", scenario, sys.executable),
+        user="new_user" if scenario in NEW_USERS else "user",
+    )
     for picture in system.work.glob("*.png"):
         shutil.move(picture, pictures / picture.name)
     result = system.work / f"{scenario}.json"
