@@ -33,5 +33,6 @@ for uv in uv "$HOME/.local/bin/uv" "$HOME/.cargo/bin/uv"; do
 done
 
 echo "no usable CPython 3.13 (looked at \$PYTHON, python3.13 on PATH, ~/.pyenv/versions," \
-    "uv python find 3.13)$tried" >&2
+    "uv python find 3.13)$tried; install one (uv python install 3.13, pyenv install 3.13, or on" \
+    "Debian python3.13-venv and python3.13-dev) or name it: make PYTHON=/path/to/python3.13" >&2
 exit 1

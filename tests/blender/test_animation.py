@@ -207,7 +207,9 @@ def test_a_vdb_sequence(scene: bpy.types.Scene, tmp_path: Path) -> None:
     assert scene.volillum.baked.shown.data.is_sequence
     # A frame without a file is named.
     scene.frame_end = 5
-    with pytest.raises(RuntimeError, match=r"frame 5: volume .* has no file at frame 5"):
+    with pytest.raises(
+        RuntimeError, match=r"frame 5: the sequence of volume .* has no file at frame 5"
+    ):
         bpy.ops.volillum.bake_frames()
     assert scene.frame_current == 3
 

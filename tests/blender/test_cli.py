@@ -107,9 +107,15 @@ def test_analyse_says_what_the_scene_needs_and_what_to_bake(made: Path) -> None:
 
 BAD_INPUT = {
     # First: the file that is open is Blender's own, with a cube.
-    "no volume at all": (["bake", "--model", "spherical_harmonics"], "expected one, or name it"),
+    "no volume at all": (
+        ["bake", "--model", "spherical_harmonics"],
+        "the scene is not named; expected SCENE.blend; `volillum scene",
+    ),
     "no such file": (["bake", "no.blend", "--model", "spherical_harmonics"], "no.blend is not the"),
-    "not a blend": (["bake", "plume.vdb", "--model", "spherical_harmonics"], "plume.vdb cannot be"),
+    "not a blend": (
+        ["bake", "plume.vdb", "--model", "spherical_harmonics"],
+        "expected a .blend file; `volillum scene VOLUME",
+    ),
     "no such scene": (
         ["bake", "plume.blend", "--scene", "x", "--model", "spherical_harmonics"],
         "scene is 'x'; expected one of plume",

@@ -77,7 +77,8 @@ def test_another_version_is_named_in_one_line(bare: dict[str, str]) -> None:
     assert result.stdout == ""
     (line,) = result.stderr.splitlines()
     assert line.startswith("no usable CPython 3.13")
-    assert line.endswith("old is cpython 3.11")
+    assert "old is cpython 3.11; install one" in line
+    assert line.endswith("make PYTHON=/path/to/python3.13")
 
 
 def test_a_missing_compiler_is_named_before_anything_is_fetched(

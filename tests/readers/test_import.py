@@ -204,7 +204,7 @@ def test_the_command_takes_a_raw_files_layout(tmp_path: Path) -> None:
         (["scan.raw", "--dims", "9x6", "--type", "int16"], "its dims"),
         (["scan.raw", "--dims", "9x6x11"], "its type is missing"),
         (["scan.json"], "index.json of vtk.js"),
-        (["folder"], "0 DICOM series"),
+        (["folder"], "without DICOM images (there is no file)"),
     ],
 )
 def test_the_command_says_what_is_wrong(

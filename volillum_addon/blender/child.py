@@ -59,7 +59,9 @@ def save_copy() -> Copy:
         bpy.ops.wm.save_as_mainfile(filepath=str(copy.file), copy=True, relative_remap=True)
     except RuntimeError as error:
         copy.__exit__(None, None, None)
-        raise InputError(f"the open file cannot be copied to {copy.file}: {error}") from error
+        raise InputError(
+            f"the open file cannot be copied to {copy.file} ({error}); expected room for it there"
+        ) from error
     return copy
 
 

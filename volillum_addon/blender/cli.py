@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from .. import __version__
+from ..bake.store import prepare
 from ..core.control import Cancelled
 from ..models.composition import FORM
 from ..models.registry import MODELS
@@ -31,8 +32,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns the exit status: 0 done, 1 the input or the work failed (one line on standard error),
     2 wrong usage, 130 cancelled.
     """
+    wanted = sys.argv[1:] if argv is None else argv
+    if not wanted:
+        parser().print_help(sys.stderr)
+        return WRONG_USAGE
     try:
-        options = parser().parse_args(argv)
+        options = parser().parse_args(wanted)
     except SystemExit as stop:  # argparse exits; a Blender that calls this must go on running
         return stop.code if isinstance(stop.code, int) else FAILED
     try:
@@ -197,7 +202,7 @@ def _models(options: argparse.Namespace) -> None:
     if options.json:
         print(json.dumps([as_json(model) for model in MODELS.values()], indent=2, allow_nan=False))
     elif options.pages is not None:
-        options.pages.mkdir(parents=True, exist_ok=True)
+        prepare(options.pages)
         for model in MODELS.values():
             path = options.pages / f"{model.id}.md"
             path.write_text(as_page(model), encoding="utf-8")

@@ -17,6 +17,7 @@ from ..compare.table import text
 from ..core.errors import InputError, bad, choice
 from ..readers.frames import VolumeFiles
 from ..readers.matter import Imported
+from ..readers.source import absent
 from ..resources import PRESETS
 from .terminal import quiet, watched
 
@@ -27,6 +28,7 @@ with quiet():
 
 DEMO_VOLUME = PRESETS / "volumes" / "smoke.vdb"
 DEMO_PRESET = "smoke"
+MAKE_ONE = "`volillum scene VOLUME -o SCENE.blend` makes one"
 
 
 @dataclass(frozen=True)
@@ -217,6 +219,8 @@ def opened(file: Path | None, name: str | None) -> Iterator[bpy.types.Scene]:
     with settings_readable():
         if file is not None:
             _open(file)
+        elif bpy.app.module and not bpy.data.filepath:
+            raise bad("the scene", "not named", f"SCENE.blend; {MAKE_ONE}")
         if name is not None:
             choice("scene", name, tuple(bpy.data.scenes.keys()))
         yield bpy.data.scenes[name] if name is not None else bpy.context.scene
@@ -238,9 +242,13 @@ def settings_readable() -> Iterator[None]:
 
 
 def _open(file: Path) -> None:
-    if not file.is_file():
-        raise InputError(f"{file} is not there; expected a .blend file")
+    if not file.exists():
+        raise absent(file, "a .blend file")
+    if file.is_dir():
+        raise bad(str(file), "a folder", f"a .blend file; {MAKE_ONE}")
     try:
         bpy.ops.wm.open_mainfile(filepath=str(file.absolute()), load_ui=False)
     except RuntimeError as error:
-        raise InputError(f"{file} cannot be opened: {error}; expected a .blend file") from error
+        why = " ".join(str(error).split())
+        raise InputError(f"{file} cannot be opened ({why}); expected a .blend file; "
+                         f"{MAKE_ONE}") from error  # fmt: skip

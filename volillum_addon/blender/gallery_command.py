@@ -6,6 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from ..bake.store import prepare
 from ..core.errors import InputError
 from . import gallery_presets
 from .arguments import model_id, percent, positive
@@ -39,7 +40,7 @@ def run(options: argparse.Namespace) -> None:
     with quiet():
         from . import commands, gallery
     names = gallery_presets.names() if options.name == ALL else (options.name,)
-    options.output.mkdir(parents=True, exist_ok=True)
+    prepare(options.output)
     wishes = gallery.Wishes(options.error, options.model, options.seconds, scale=options.scale)
     absent = []
     for name in names:
@@ -48,7 +49,8 @@ def run(options: argparse.Namespace) -> None:
             gallery_presets.volume_file(entry.volume)
         except InputError as error:
             absent.append(gallery.missing(error))
-            print(f"volillum: {absent[-1]}", file=sys.stderr)
+            if len(names) > 1:
+                print(f"volillum: {absent[-1]}", file=sys.stderr)
             continue
         if options.scene_only:
             with quiet():

@@ -91,6 +91,9 @@ def lit_volume(options: argparse.Namespace, directory: Path) -> tuple[VolumeFile
         imported = read_matter(
             files, directory.absolute(), options.level, reading(options), options.transfer, control
         )
+    name = options.transfer or transfer_presets.default_name(imported.about)
+    _say(files, imported.about)
+    print(f"transfer function {name}: {imported.transfer.summary}", file=sys.stderr)
     return imported.files, imported
 
 
@@ -142,7 +145,11 @@ def _import(options: argparse.Namespace) -> None:
             )
         else:
             about = import_frames(files, name, options.level, reading(options), control)
+    _say(files, about)
+    print(options.output)
+
+
+def _say(files: VolumeFiles, about: About) -> None:
     frames = f"{len(files.frames)} frames, " if files.frames else ""
     for line in (frames + describe(about), *(f"note: {note}" for note in about.notes)):
         print(line, file=sys.stderr)
-    print(options.output)

@@ -48,7 +48,7 @@ def load_volume(path: Path) -> bpy.types.Volume:
     if not data.grids.load():
         message = data.grids.error_message
         bpy.data.volumes.remove(data)
-        raise InputError(f"Blender cannot read {path}: {message}")
+        raise InputError(f"Blender cannot read {path} ({message}); expected a whole VDB file")
     return data
 
 

@@ -11,6 +11,7 @@ from mathutils import Matrix, Vector
 from numpy.typing import NDArray
 
 from ..bake.grids import grid_names
+from ..bake.store import complain, prepare
 from ..core.control import Control
 from ..core.errors import bad
 from ..readers.frames import VolumeFiles
@@ -44,7 +45,7 @@ def save_scene(
     sequence's frames are those of the scene.
 
     What was open in this Blender is left, as by File > New. Raises InputError for an unusable
-    volume, OSError for a target that cannot be written, Cancelled.
+    volume, StorageError for a target that cannot be written, Cancelled.
     """
     check_target(target)
     save_scene_of(files, extent_of(files, grid, control or Control()), preset, target, imported)
@@ -60,7 +61,7 @@ def save_scene_of(
     """`save_scene` for a volume that is read already. A preset without a medium is for files that
     bring one (readers/medium_file.py)."""
     target = target.absolute()
-    target.parent.mkdir(parents=True, exist_ok=True)
+    prepare(target.parent)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     data = build_scene(bpy.context.scene, files, extent, preset, imported is None)
     if imported is not None:
@@ -71,9 +72,8 @@ def save_scene_of(
     try:
         bpy.ops.wm.save_as_mainfile(filepath=str(temporary), relative_remap=True, copy=True)
         temporary.replace(target)
-    except RuntimeError as error:
-        reason = " ".join(str(error).split())
-        raise OSError(f"{target} cannot be written: {reason}") from error
+    except (OSError, RuntimeError) as error:
+        raise complain(target.parent, temporary) from error
     finally:
         temporary.unlink(missing_ok=True)
 

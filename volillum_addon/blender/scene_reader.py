@@ -14,6 +14,7 @@ from ..core.camera import Camera
 from ..core.errors import InputError
 from ..core.grid import Grid
 from ..core.scene import Scene
+from ..readers.source import absent
 from .camera_reader import image_size, read_camera
 from .light_reader import light_objects, read_lights, rendered_objects
 from .medium_reader import MediumSettings, read_medium, volume_material
@@ -119,15 +120,17 @@ def volume_path(placed: bpy.types.Object) -> Path:
     path = Path(bpy.path.abspath(data.filepath, library=data.library))
     if data.is_sequence:
         if not data.grids.load():
-            raise InputError(f"volume {placed.name!r}: {data.grids.error_message}")
+            raise InputError(f"volume {placed.name!r} cannot be read ({data.grids.error_message}); "
+                             "expected a whole VDB file at every frame")  # fmt: skip
         if not data.grids.frame_filepath:
             raise InputError(
-                f"volume {placed.name!r}'s sequence has no file at frame "
-                f"{bpy.context.scene.frame_current}; expected one at every frame that is baked"
+                f"the sequence of volume {placed.name!r} has no file at frame "
+                f"{bpy.context.scene.frame_current}; expected one at every frame that is baked "
+                f"(it plays {data.frame_duration} from frame {data.frame_start})"
             )
         path = Path(data.grids.frame_filepath)
     if not path.is_file():
-        raise InputError(f"volume {placed.name!r}'s file is missing: {path}")
+        raise absent(path, f"the file of volume {placed.name!r}")
     return path
 
 
@@ -153,7 +156,12 @@ def _only_volume(scene: bpy.types.Scene) -> bpy.types.Object:
     volumes = [placed for placed in rendered_objects(scene) if placed.type == "VOLUME"]
     if len(volumes) != 1:
         names = ", ".join(repr(placed.name) for placed in volumes) or "none"
-        raise InputError(f"the scene's rendered volumes are {names}; expected one, or name it")
+        wanted = (
+            "one (choose it in the panel, or hide the others from renders)"
+            if volumes
+            else "one (import it, or let it be rendered)"
+        )
+        raise InputError(f"the scene's rendered volumes are {names}; expected {wanted}")
     return volumes[0]
 
 

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from ..bake.store import prepare
 from ..core.errors import InputError
 from ..models.registry import get, models
 from . import hard_page
@@ -24,7 +25,7 @@ def hardcases(ids: Sequence[str], directory: Path) -> str:
     """
     chosen = [get(each) for each in ids] if ids else list(models())
     cases = catalogue()
-    directory.mkdir(parents=True, exist_ok=True)
+    prepare(directory)
     total = len(cases) * len(chosen)
     done = 0
 

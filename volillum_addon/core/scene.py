@@ -49,7 +49,7 @@ class Scene:
     def need_camera(self) -> Camera:
         """The camera, or an InputError that says that one is needed."""
         if self.camera is None:
-            raise bad("the scene's camera", "missing", "a camera")
+            raise bad("the scene's camera", "missing", "one that looks at the volume")
         return self.camera
 
     def trimmed(self, margin: int) -> Scene:

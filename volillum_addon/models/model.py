@@ -163,12 +163,13 @@ class Model:
                     f"{self.label} needs one that shines"
                 )
             raise InputError(
-                f"{self.label} knows only lights of the kinds {wants}; the scene has {have}"
+                f"{self.label} knows only lights of the kinds {wants}; the scene has {have}; "
+                "expected one of these kinds, or another model"
             )
         if abs(scene.medium.g) > self.largest_g:
             raise InputError(
                 f"{self.label} knows media of g from {-self.largest_g:g} to {self.largest_g:g}; "
-                f"the scene's has {scene.medium.g:g}"
+                f"the scene's has {scene.medium.g:g}; expected such a one, or another model"
             )
         if operator.sees_camera:
             scene.need_camera()

@@ -127,11 +127,15 @@ def _series(path: Path) -> list[tuple[Path, Any]]:
             groups[str(getattr(header, "SeriesInstanceUID", ""))].append((file, header))
     if own is not None:
         return groups[str(getattr(own, "SeriesInstanceUID", ""))]
-    if len(groups) != 1:
+    if not groups:
+        names = ", ".join(file.name for file in _files(folder)[:3]) or "no file"
+        raise bad(str(folder), f"a folder without DICOM images (there is {names})",
+                  "a series' folder or TIFF stack's, or the name of one file")  # fmt: skip
+    if len(groups) > 1:
         several = "; ".join(
             f"{getattr(files[0][1], 'SeriesDescription', '') or 'no name'} ({len(files)} images, "
             f"{files[0][0].name})" for files in groups.values())  # fmt: skip
-        raise bad(f"{folder}", f"a folder of {len(groups)} DICOM series: {several or 'no images'}",
+        raise bad(f"{folder}", f"a folder of {len(groups)} DICOM series: {several}",
                   "one, or a file of the one that is wanted")  # fmt: skip
     return next(iter(groups.values()))
 

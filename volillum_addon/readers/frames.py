@@ -81,6 +81,11 @@ class Name:
         """A word for the sequence."""
         return self.before.rstrip("._-") or self.folder.name or "frames"
 
+    @property
+    def where(self) -> str:
+        """The folder, for messages."""
+        return str(self.folder.absolute())
+
     @override
     def __str__(self) -> str:
         return f"{self.before}{'#' * self.digits}{self.after}"
@@ -145,7 +150,7 @@ def chosen(paths: Sequence[Path], frames: range | None = None) -> VolumeFiles:
         if not there:
             others = [path for path in _files(name.folder) if path.name.endswith(name.after)]
             raise bad(f"what {name} names", f"no file (there {_are(others)})",
-                      f"files such as {name.file(1).name}", str(name.folder))  # fmt: skip
+                      f"files such as {name.file(1).name}", name.where)  # fmt: skip
     elif frames is None:
         return VolumeFiles(first)
     else:
@@ -157,14 +162,14 @@ def chosen(paths: Sequence[Path], frames: range | None = None) -> VolumeFiles:
 def _complete(name: Name, there: Mapping[int, Path], wanted: range) -> VolumeFiles:
     if format_of(next(iter(there.values()))).id in SLICES:
         raise bad("the volume", f"{len(there)} files of slices ({name})", "their folder, which is "
-                  "read as one volume", str(name.folder))  # fmt: skip
+                  "read as one volume", name.where)  # fmt: skip
     missing = [name.file(frame) for frame in wanted if frame not in there]
     if missing:
         raise bad(f"sequence {name}", f"without {_some(missing)}", f"every frame from {wanted[0]} "
-                  f"to {wanted[-1]} (or fewer by --frames A-B)", str(name.folder))  # fmt: skip
+                  f"to {wanted[-1]} (or fewer by --frames A-B)", name.where)  # fmt: skip
     if wanted[-1] > LAST_FRAME:
         raise bad(f"the last frame of {name}", wanted[-1], f"at most {LAST_FRAME}, Blender's last "
-                  "(give the files other numbers)", str(name.folder))  # fmt: skip
+                  "(give the files other numbers)", name.where)  # fmt: skip
     return VolumeFiles(there[wanted[0]], {frame: there[frame] for frame in wanted})
 
 

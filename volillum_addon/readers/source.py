@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import difflib
 import io
 import logging
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import override
@@ -177,10 +178,29 @@ def check_unpacked(path: Path, claimed: int, packed: int) -> None:
         )
 
 
+def absent(path: Path, expected: str) -> InputError:
+    """`path` is not there; expected ..., with the first folder on the way that is not there, or
+    what is called alike."""
+    gone = next((each for each in reversed(path.parents) if not each.is_dir()), None)
+    if gone is not None:
+        hint = f" (there is no folder {gone})"
+    elif any(mark in path.name for mark in "*?%$"):
+        hint = " (a sequence's number is written with #, as in smoke_####.vdb)"
+    else:
+        there: list[str] = []
+        with suppress(OSError):
+            there += [each.name for each in path.parent.iterdir()]
+        alike = difflib.get_close_matches(path.name, there)
+        hint = f" (did you mean {' or '.join(alike)}?)" if alike else ""
+    return InputError(f"{path} is not there; expected {expected}{hint}")
+
+
 def file_size(path: Path) -> int:
-    """Bytes of the file; InputError where it cannot be looked at."""
+    """Bytes of the file; InputError where it is not there or cannot be looked at."""
     try:
         return path.stat().st_size
+    except FileNotFoundError:
+        raise absent(path, "a volume's file or folder") from None
     except OSError as error:
         raise unreadable(path, error, "a file") from None
 
