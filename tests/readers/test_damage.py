@@ -193,6 +193,14 @@ def test_every_file_of_a_volume_may_be_cut_anywhere(tmp_path: Path, name: str) -
     assert read_or_refuse(path)
 
 
+def test_a_header_longer_than_its_file_is_not_allocated(tmp_path: Path) -> None:
+    path = MAKERS["npy"](tmp_path)
+    whole = path.read_bytes()
+    # Version 3 has four bytes for the header's length; here they claim 660 MB.
+    path.write_bytes(whole[:6] + b"\x03\x00v\x00{'" + whole[12:])
+    assert not read_or_refuse(path)
+
+
 @pytest.mark.parametrize("name", MAKERS)
 @settings(max_examples=120, deadline=None,
           suppress_health_check=[HealthCheck.function_scoped_fixture])  # fmt: skip

@@ -83,8 +83,7 @@ def read_numpy(path: Path, options: Options) -> Source:
     """An array of a .npy or .npz file, [x, y, z] unless a sidecar says zyx; a fourth axis, first or
     last, is of channels."""
     with library(path, "a NumPy file of numbers"):
-        array = _member(path, options.grid) if path.suffix == ".npz" else np.load(
-            path, mmap_mode="r", allow_pickle=False)  # fmt: skip
+        array = _member(path, options.grid) if path.suffix == ".npz" else _mapped(path)
     check_number_type(array.dtype, path)
     if array.ndim == 4:
         last = array.shape[3] <= 4
@@ -166,6 +165,23 @@ def _json(path: Path) -> Mapping[str, Any]:
     return found
 
 
+def _mapped(path: Path) -> Any:
+    """The array of an .npy file. NumPy allocates the header's length before it reads it, so it is
+    read from a file first that gives no more than it has."""
+    with BoundedFile(path) as file:
+        _array_header(file)
+    return np.load(path, mmap_mode="r", allow_pickle=False)
+
+
+def _array_header(file: Any) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Shape, whether the first axis runs fastest, and the type of numbers."""
+    version = np.lib.format.read_magic(file)
+    read = (np.lib.format.read_array_header_1_0 if version == (1, 0)
+            else np.lib.format.read_array_header_2_0)  # fmt: skip
+    shape, fortran, dtype = read(file)
+    return shape, fortran, dtype
+
+
 def _member(path: Path, name: str | None) -> Any:
     """An array of an .npz file, which may not claim to unpack to more than it can."""
     with BoundedFile(path) as file, zipfile.ZipFile(file) as members:
@@ -176,10 +192,7 @@ def _member(path: Path, name: str | None) -> Any:
         info = members.infolist()[names.index(wanted)]
         check_unpacked(path, info.file_size, info.compress_size)
         with members.open(info) as member:
-            version = np.lib.format.read_magic(member)
-            header = (np.lib.format.read_array_header_1_0 if version == (1, 0)
-                      else np.lib.format.read_array_header_2_0)  # fmt: skip
-            shape, fortran, dtype = header(member)
+            shape, fortran, dtype = _array_header(member)
             count = math.prod(shape)
             if not 0 <= count * dtype.itemsize <= info.file_size:
                 raise bad("its data", f"{info.file_size} bytes", f"{count} {dtype}", str(path))
