@@ -62,6 +62,13 @@ def start_job() -> Iterator[Callable[[Work[Any]], Job[Any]]]:
             job.result()
 
 
+@pytest.fixture
+def no_file_left_open() -> Iterator[None]:
+    """For tests that open files: paths would be relative to the last of them in others."""
+    yield
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+
+
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with plume.vdb and plume.blend."""

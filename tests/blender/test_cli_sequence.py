@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
@@ -28,13 +27,9 @@ from volillum_addon.readers.formats import read_volume
 from volillum_addon.readers.imported import read_about, read_imported
 from volillum_addon.readers.medium_file import medium_of
 
+pytestmark = pytest.mark.usefixtures("no_file_left_open")
+
 BAKE = ["--model", "ambient_occlusion", "--frames", "2-4"]
-
-
-@pytest.fixture(autouse=True)
-def _leave_no_file_open() -> Iterator[None]:
-    yield
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
 
 
 @pytest.fixture

@@ -19,6 +19,8 @@ from volillum_addon.blender.render import render_image, set_cycles
 from volillum_addon.core.errors import InputError
 from volillum_addon.readers.frames import VolumeFiles
 
+pytestmark = pytest.mark.usefixtures("no_file_left_open")
+
 
 @pytest.fixture
 def scene(tmp_path: Path) -> Iterator[bpy.types.Scene]:

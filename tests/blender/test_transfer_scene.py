@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
@@ -15,6 +14,8 @@ from volillum_addon.readers import transfer_presets
 from volillum_addon.readers.formats import read_volume
 from volillum_addon.readers.medium_file import medium_of
 
+pytestmark = pytest.mark.usefixtures("no_file_left_open")
+
 
 def blob(directory: Path) -> Path:
     """A soft ball in Hounsfield units, in air, oblong voxels."""
@@ -23,12 +24,6 @@ def blob(directory: Path) -> Path:
     np.save(directory / "ct.npy", (-1000 + 2500 * np.clip(1 - radius, 0, 1)).astype(np.float32))
     (directory / "ct.json").write_text('{"kind": "ct", "unit": "HU", "spacing": [2, 2, 3]}')
     return directory / "ct.npy"
-
-
-@pytest.fixture(autouse=True)
-def _leave_no_file_open() -> Iterator[None]:
-    yield
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
 
 
 @pytest.mark.parametrize("transfer", [None, "ct_skin"])
