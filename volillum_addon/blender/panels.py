@@ -37,6 +37,7 @@ class VOLILLUM_PT_volume(Sidebar, bpy.types.Panel):
             layout.prop(settings, "density_scale")
             layout.prop(settings, "albedo")
             progress_or_button(layout, "volillum.add_transfer", "COLOR", scale=1)
+        layout.operator("volillum.light", icon="LIGHT_SUN")
 
 
 class VOLILLUM_PT_model(Sidebar, bpy.types.Panel):

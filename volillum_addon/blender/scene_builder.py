@@ -7,8 +7,7 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from mathutils import Matrix, Vector
-from numpy.typing import NDArray
+from mathutils import Matrix
 
 from ..bake.grids import grid_names
 from ..bake.store import complain, prepare
@@ -17,13 +16,10 @@ from ..core.errors import bad
 from ..readers.frames import VolumeFiles
 from ..readers.matter import Imported
 from ..readers.medium_file import EMISSION, is_medium
-from . import importing
+from . import importing, preset_objects
 from .extent import Extent, extent_of
 from .medium_builder import medium_material
 from .scene_presets import Axis, ScenePreset, Substance
-
-# Clip planes this many volume sizes in front of and behind the framed distance.
-CLIP = 10.0
 
 
 def check_target(target: Path) -> None:
@@ -99,11 +95,11 @@ def build_scene(
         data.materials.append(_material(name, files.path, extent, preset.medium))
     body = bpy.data.objects.new(name, data)
     body.matrix_world = upright
-    sun = _sun(preset)
-    camera = _camera(extent.points @ np.array(upright)[:3, :3].T, preset)
+    sun = preset_objects.sun(preset)
+    camera = preset_objects.camera(extent.points @ np.array(upright)[:3, :3].T, preset)
     for item in (body, sun, camera):
         scene.collection.objects.link(item)
-    scene.world = _world(preset)
+    scene.world = preset_objects.sky(preset)
     scene.camera = camera
     _image(scene, preset)
     return data
@@ -155,62 +151,6 @@ def _material(
     shader.inputs["Absorption Color"].default_value = (0, 0, 0, 1)
     tree.links.new(shader.outputs["Volume"], output.inputs["Volume"])
     return material
-
-
-def _toward(azimuth: float, elevation: float) -> Vector:
-    """Unit vector from the volume to a place at these angles (degrees)."""
-    a, e = math.radians(azimuth), math.radians(elevation)
-    return Vector((math.sin(a) * math.cos(e), -math.cos(a) * math.cos(e), math.sin(e)))
-
-
-def _sun(preset: ScenePreset) -> bpy.types.Object:
-    data = bpy.data.lights.new("Sun", "SUN")
-    strength = max(preset.sun.irradiance) or 1.0
-    data.energy = strength
-    data.color = [value / strength for value in preset.sun.irradiance]
-    data.angle = math.radians(preset.sun.angle)
-    item = bpy.data.objects.new("Sun", data)
-    toward = _toward(preset.sun.azimuth, preset.sun.elevation)
-    item.rotation_euler = toward.to_track_quat("Z", "Y").to_euler()
-    return item
-
-
-def _world(preset: ScenePreset) -> bpy.types.World:
-    world = bpy.data.worlds.new("Sky")
-    background = next(
-        node for node in world.node_tree.nodes if node.bl_idname == "ShaderNodeBackground"
-    )
-    background.inputs["Color"].default_value = (*preset.sky.radiance, 1)
-    background.inputs["Strength"].default_value = 1
-    return world
-
-
-def _camera(points: NDArray[np.float64], preset: ScenePreset) -> bpy.types.Object:
-    """The nearest camera on its line of sight that holds all points within the margins."""
-    data = bpy.data.cameras.new("Camera")
-    data.lens = preset.camera.lens
-    toward = _toward(preset.camera.azimuth, preset.camera.elevation)
-    rotation = toward.to_track_quat("Z", "Y")
-    right, up, back = np.array(rotation.to_matrix()).T
-    across, along, depth = points @ right, points @ up, points @ back
-    width, height = preset.image.width, preset.image.height
-    half = data.sensor_width / 2 / data.lens * (1 - 2 * preset.camera.margin)
-    slope_x, slope_y = half * min(1, width / height), half * min(1, height / width)
-    # A point is inside when |across - x| <= slope (z - depth). The four faces of the frustum bound
-    # the eye (x, y, z); opposite faces meet at the nearest z of that direction.
-    faces = [
-        (slope_x, (across + slope_x * depth).max(), (-across + slope_x * depth).max()),
-        (slope_y, (along + slope_y * depth).max(), (-along + slope_y * depth).max()),
-    ]
-    z = max((high + low) / (2 * slope) for slope, high, low in faces)
-    x, y = ((high - low) / 2 for _, high, low in faces)
-    item = bpy.data.objects.new("Camera", data)
-    item.rotation_euler = rotation.to_euler()
-    item.location = Vector(right * x + up * y + back * z)
-    size = float(np.ptp(points, axis=0).max())
-    data.clip_start = max(1e-4, (z - float(depth.max())) / CLIP)
-    data.clip_end = (z - float(depth.min())) + CLIP * size
-    return item
 
 
 def _image(scene: bpy.types.Scene, preset: ScenePreset) -> None:

@@ -15,7 +15,7 @@ OK = (0, -91)
 
 
 def installing() -> Steps:
-    """Drop the zip on Blender's first scene, a file on the view, bake, show, render."""
+    """Drop the zip on Blender's first scene, a file on the view, light it, bake, show, render."""
     assert not installed()
     assert "volillum" not in dir(bpy.ops)
     yield from drag_file(ZIP, *middle())
@@ -33,6 +33,9 @@ def installing() -> Steps:
     yield 1.0
     picture("first_opened")
     yield from scroll(20)
+    yield from press("volillum.light(")
+    yield 1.0
+    picture("first_lit")
     yield from press("volillum.bake(")
     yield lambda: running() is None and bool(settings().baked.path)
     yield from press("volillum.show(baked=True)")
