@@ -6,8 +6,7 @@
 #include <string>
 
 #include "cone_transport_lamp.h"
-#include "cone_transport_lattice.h"
-#include "cone_transport_state.h"
+#include "cone_transport_plan.h"
 #include "cone_transport_voxels.h"
 #include "volillum/parallel.h"
 
@@ -15,23 +14,10 @@ namespace volillum {
 namespace cone_detail {
 namespace {
 
-// Bytes of a band's rays, all directions: half of a second-level cache.
-constexpr std::size_t kBandBytes = 400'000;
-constexpr int kFewestBandRows = 4, kMostBandRows = 64;
 // Extinction times a step of more than this is as good as opaque, and its powers stay finite.
 constexpr double kOpaque = 1e8;
 
-// The most rows, or columns, that rays move from slice to slice.
-double steepest(const std::vector<Ray> &rays, double Ray::*slope) {
-    double most = 0;
-    for (const Ray &ray : rays) most = std::max(most, std::abs(ray.*slope));
-    return most;
-}
-
-// Rows of points and rays are taken band by band, each band through all slices of a slab, a few
-// rows lower (`skew`) on each than on the slice before: so what a row reads of the slice before is
-// done, by this band or the one before. A row of rays stays in its place in memory; the band in
-// which it is next taken is never an earlier one.
+// The march, divided as MarchPlan says.
 class March {
 public:
     March(const ConeTransportScene &scene, const ConeTransportSettings &settings)
@@ -40,37 +26,22 @@ public:
           lattice_(scene, settings.spacing, check_directions(scene)),
           rays_(plan_rays(scene, lattice_)),
           lamp_(scene, settings.spacing, lattice_),
-          threads_(thread_count(settings.threads)),
-          skew_(int(std::ceil(steepest(rays_, &Ray::row_slope))) + 1),
-          albedos_(scene.extinctions == 1 ? scene.scatterings : 1) {
+          plan_(scene, lattice_, rays_, settings.threads) {
         Real longest = 0;
         for (const Ray &ray : rays_) longest = std::max(longest, ray.length);
         largest_ = Real(kOpaque / double(longest));
-        const int reach = int(std::ceil(steepest(rays_, &Ray::column_slope)));
-        const RowLayout layout(lattice_.columns, reach + 3);
-        slabs_ = (lattice_.slices + kSlabSlices - 1) / kSlabSlices;
-        threads_ = std::min(threads_, slabs_);
-        const std::size_t row_bytes =
-            rays_.size() * std::size_t(layout.pitch) * std::size_t(1 + 2 * albedos_) * sizeof(Real);
-        band_rows_ = std::clamp(int(kBandBytes / row_bytes), kFewestBandRows, kMostBandRows);
-        bands_ = (lattice_.rows + 1 + skew_ * (kSlabSlices - 1) + band_rows_ - 1) / band_rows_;
-        slices_.resize(std::size_t(threads_ + 1) * kSlabSlices);
-        // The next slab reads a whole slice of the one before; within a slab, the next slice reads
-        // a band and a few rows beside it.
-        const int few = band_rows_ + 2 * skew_ + 1;
+        slices_.resize(std::size_t(plan_.threads + 1) * std::size_t(plan_.slab_slices));
         for (std::size_t i = 0; i < slices_.size(); ++i) {
             Slice &slice = slices_[i];
-            const bool ends_slab = i % kSlabSlices == kSlabSlices - 1;
-            slice.planes.resize(lattice_.rows, ends_slab ? lattice_.rows : few, layout, albedos_);
-            slice.sums.resize(layout, albedos_);
+            const int held = plan_.ends_slab(int(i)) ? lattice_.rows : plan_.plane_rows;
+            slice.planes.resize(lattice_.rows, held, plan_.layout, plan_.albedos);
+            slice.sums.resize(plan_.layout, plan_.albedos);
             slice.moves.resize(rays_.size());
-            if (scene.local_weights) slice.weights.resize(layout, rays_.size());
+            if (scene.local_weights) slice.weights.resize(plan_.layout, rays_.size());
         }
-        // A row of memory is taken by new rays only when no slab in flight has the old ones.
-        const int in_flight = kSlabSlices * (threads_ + 1);
-        const int spare = int(std::ceil(steepest(rays_, &Ray::row_slope) * in_flight)) + 1;
-        states_.resize(rays_.size(), lattice_.rows + 2 + spare, layout, albedos_);
-        solutions_.resize(threads_, lattice_.most_points(), albedos_,
+        states_.resize(rays_.size(), plan_.ray_rows, plan_.threads, plan_.missing_rows,
+                       plan_.layout, plan_.albedos);
+        solutions_.resize(plan_.threads, plan_.slab_slices, lattice_.most_points(), plan_.albedos,
                           scene.transmittance != nullptr);
     }
 
@@ -89,14 +60,14 @@ public:
                 return static_cast<const Real *>(copy.data());
             };
             sigma_t_ = readable(scene_.sigma_t + run * voxels, copies[kMostAlbedos]);
-            for (std::size_t i = 0; i < std::size_t(albedos_); ++i)
+            for (std::size_t i = 0; i < std::size_t(plan_.albedos); ++i)
                 sigma_s_[i] =
                     readable(scene_.sigma_s + (scene_.scatterings > 1 ? run + int(i) : 0) * voxels,
                              copies[i]);
             const Real *transmittance =
                 scene_.transmittance ? scene_.transmittance + run * voxels : nullptr;
             solve_channel(transmittance, from + run * share, from + (run + 1) * share,
-                          out + run * albedos_ * voxels);
+                          out + run * plan_.albedos * voxels);
         }
     }
 
@@ -113,20 +84,21 @@ private:
     };
 
     Slice &slice_at(int slice) {
-        return slices_[std::size_t(slice + kSlabSlices) % slices_.size()];
+        return slices_[std::size_t(slice + plan_.slab_slices) % slices_.size()];
     }
 
     void solve_channel(const Real *transmittance, double begin, double end, Real *out) {
+        slice_at(-1).planes.begin_at(lattice_.first_column(-1));
         slice_at(-1).planes.clear();  // nothing lies before the first slice
-        const VoxelWriter writer(scene_.shape, lattice_, solutions_, albedos_, transmittance);
-        Progress progress(slabs_);
+        const VoxelWriter writer(scene_.shape, lattice_, solutions_, plan_.albedos, transmittance);
+        Progress progress(plan_.slabs);
         parallel_for(
-            std::size_t(slabs_), threads_, settings_.control,
+            std::size_t(plan_.slabs), plan_.threads, settings_.control,
             [&](std::size_t slab, int) {
                 try {
                     march(int(slab), progress);
                     writer.write(int(slab), out);
-                    progress.finish(int(slab), bands_ + 1);
+                    progress.finish(int(slab), plan_.bands + 1);
                 } catch (...) {
                     progress.fail();
                     throw;
@@ -136,20 +108,27 @@ private:
     }
 
     void march(int slab, Progress &progress) {
-        const int first = slab * kSlabSlices, last = std::min(first + kSlabSlices, lattice_.slices);
-        for (int slice = first; slice < last; ++slice)
+        // Its solutions, and the slice before its first, give way to this slab's.
+        progress.wait(slab - plan_.threads, plan_.bands + 1, settings_.control);
+        const int first = slab * plan_.slab_slices,
+                  last = std::min(first + plan_.slab_slices, lattice_.slices);
+        for (int slice = first; slice < last; ++slice) {
+            Slice &here = slice_at(slice);
+            const int column = lattice_.first_column(slice);
+            here.planes.begin_at(column);
+            here.sums.begin_at(column);
+            if (scene_.local_weights) here.weights.begin_at(column);
             for (std::size_t d = 0; d < rays_.size(); ++d)
-                slice_at(slice).moves[d] = {rays_[d].crossing(slice - 1), rays_[d].crossing(slice)};
-        // Its solutions give way to this slab's.
-        progress.wait(slab - threads_, bands_ + 1, settings_.control);
+                here.moves[d] = {rays_[d].crossing(slice - 1), rays_[d].crossing(slice)};
+        }
         // Bands of the slab before that the first slice reads beyond its own.
-        const int ahead = (skew_ * kSlabSlices + band_rows_ - 1) / band_rows_;
-        for (int band = 0; band < bands_; ++band) {
+        const int ahead = (plan_.skew * plan_.slab_slices + plan_.band_rows - 1) / plan_.band_rows;
+        for (int band = 0; band < plan_.bands; ++band) {
             if (settings_.control && settings_.control->cancelled()) throw Cancelled();
-            progress.wait(slab - 1, std::min(band + ahead + 1, bands_), settings_.control);
+            progress.wait(slab - 1, std::min(band + ahead + 1, plan_.bands), settings_.control);
             for (int slice = first; slice < last; ++slice) {
-                const int begin = band * band_rows_ - 1 - skew_ * (slice - first);
-                const int end = std::min(begin + band_rows_, lattice_.rows);
+                const int begin = band * plan_.band_rows - 1 - plan_.skew * (slice - first);
+                const int end = std::min(begin + plan_.band_rows, lattice_.rows);
                 for (int row = std::max(begin, -1); row < end; ++row) march_row(slice, row);
             }
             progress.finish(slab, band + 1);
@@ -173,6 +152,33 @@ private:
         }
         if (row >= 0) solve(slice, row, here);
         here.sums.clear(row);
+        if (plan_.ends_slab(slice)) {
+            settle(slice, row - 1);
+            if (row + 1 == lattice_.rows) settle(slice, row);
+        }
+    }
+
+    // Rays between two rows of points that are solved.
+    void settle(int slice, int row) {
+        const Span rays = lattice_.rays(slice, row);
+        if (rays.empty()) return;
+        const int begin = rays.begin & ~(kLanes - 1), count = round_up(rays.end - begin);
+        Slice &here = slice_at(slice);
+        const SliceRows rows = here.planes.rows(row, 0);
+        for (std::size_t d = 0; d < rays_.size(); ++d) {
+            const Crossing &crossing = here.moves[d].here;
+            SettleRow settled{state_of(slice, row, d, crossing),
+                              {},
+                              Taps(crossing.row_fraction, crossing.column_fraction)};
+            std::copy_n(rows.in_scattered, plan_.albedos, settled.in_scattered);
+            settle_row(settled, plan_.albedos, begin, count);
+        }
+    }
+
+    // At column 0 of the slice.
+    RayRow state_of(int slice, int row, std::size_t d, const Crossing &crossing) {
+        return states_.at(slice / plan_.slab_slices, d, row - crossing.row,
+                          lattice_.first_column(slice));
     }
 
     void march_rays(int slice, int row, std::size_t d, const Span &rays, int begin, int count) {
@@ -181,35 +187,48 @@ private:
         const Move &move = here.moves[d];
         const int row_shift = move.here.row - move.before.row;
         const int shift = move.here.column - move.before.column;
-        const RayRow state = states_.at(d, row - move.here.row);
-        renew(state, lattice_.rays(slice - 1, row - row_shift), rays.begin - shift,
+        const RayRow state = state_of(slice, row, d, move.here);
+        // The same memory, by the columns of the slice before.
+        const int moved = lattice_.first_column(slice) - lattice_.first_column(slice - 1);
+        RayRow before = state;
+        before.seen += moved;
+        for (int i = 0; i < plan_.albedos; ++i) {
+            before.known[i] += moved;
+            before.missing[i] += moved;
+        }
+        const bool settled = plan_.begins_slab(slice);
+        renew(before, !settled, lattice_.rays(slice - 1, row - row_shift), rays.begin - shift,
               rays.end - shift);
         StepRow step{state,
-                     shift,
+                     {},
+                     shift - moved,
                      slice_at(slice - 1).planes.rows(row - row_shift, -shift),
                      here.planes.rows(row, 0),
                      Taps(move.before.row_fraction, move.before.column_fraction),
                      Taps(move.here.row_fraction, move.here.column_fraction),
                      ray.length};
+        for (int i = 0; i < plan_.albedos; ++i)
+            step.missing[i] =
+                settled ? states_.settled(lattice_.first_column(slice)) : state.missing[i];
         if (scene_.lamp) lamp_.end(slice, row, move.here, d, rays, step);
-        step_row(step, albedos_, begin, count);
+        step_row(step, plan_.albedos, begin, count);
         AddRow add{state,      move.here.row_fraction, move.here.column_fraction,
                    ray.weight, here.sums.at(row),      here.sums.at(row + 1)};
         if (scene_.local_weights) {
             add.own_weights = here.weights.at(row, d);
             add.next_weights = here.weights.at(row + 1, d);
         }
-        add_row(add, albedos_, begin, count);
+        add_row(add, plan_.albedos, begin, count);
     }
 
     // Rays that come from beside those that are held have met nothing.
-    void renew(const RayRow &state, const Span &held, int begin, int end) const {
+    void renew(const RayRow &state, bool missing, const Span &held, int begin, int end) const {
         const auto fill = [&](int from, int to) {
             if (from >= to) return;
             std::fill(state.seen + from, state.seen + to, Real(1));
-            for (int i = 0; i < albedos_; ++i) {
+            for (int i = 0; i < plan_.albedos; ++i) {
                 std::fill(state.known[i] + from, state.known[i] + to, Real(1));
-                std::fill(state.missing[i] + from, state.missing[i] + to, Real(1));
+                if (missing) std::fill(state.missing[i] + from, state.missing[i] + to, Real(1));
             }
         };
         if (held.empty()) return fill(begin, end);
@@ -219,18 +238,18 @@ private:
 
     void sample(int slice, int row, SlicePlanes &planes) const {
         const Span span = lattice_.span(slice, row);
-        clear_beside(planes.sigma_t(row), span);
+        clear_beside(planes.sigma_t(row), slice, span);
         MediumRow medium{sigma_t_,
                          sigma_s_,
-                         albedos_,
+                         plan_.albedos,
                          scene_.shape,
                          lattice_.index_of(slice, row, span.begin),
                          lattice_.index_per_column(),
                          largest_,
                          planes.sigma_t(row) + span.begin,
                          {}};
-        for (int i = 0; i < albedos_; ++i) {
-            clear_beside(planes.sigma_a(row, i), span);
+        for (int i = 0; i < plan_.albedos; ++i) {
+            clear_beside(planes.sigma_a(row, i), slice, span);
             medium.absorption[i] = planes.sigma_a(row, i) + span.begin;
         }
         if (!span.empty()) sample_medium(medium, span.end - span.begin);
@@ -239,9 +258,9 @@ private:
     void solve(int slice, int row, Slice &here) {
         const Span span = lattice_.span(slice, row);
         const RayRow sums = here.sums.at(row);
-        for (int i = 0; i < albedos_; ++i) {
+        for (int i = 0; i < plan_.albedos; ++i) {
             Real *in_scattered = here.planes.in_scattered(row, i);
-            clear_beside(in_scattered, span);
+            clear_beside(in_scattered, slice, span);
             if (!span.empty())
                 solve_row(sums.known[i], sums.missing[i], span.begin, span.end, in_scattered);
         }
@@ -255,15 +274,15 @@ private:
             std::copy(values + span.begin, values + span.end,
                       solution + solutions_.begin(slice) + offset);
         };
-        for (int i = 0; i < albedos_; ++i)
+        for (int i = 0; i < plan_.albedos; ++i)
             copy(here.planes.in_scattered(row, i), solutions_.in_scattered(i));
         if (scene_.transmittance) copy(here.sums.at(row).seen, solutions_.seen());
     }
 
-    void clear_beside(Real *row, const Span &span) const {
-        const int begin = span.empty() ? lattice_.columns : span.begin;
-        std::fill(row, row + begin, Real(0));
-        if (!span.empty()) std::fill(row + span.end, row + lattice_.columns, Real(0));
+    void clear_beside(Real *row, int slice, const Span &span) const {
+        const int first = lattice_.first_column(slice), end = first + lattice_.width();
+        std::fill(row + first, row + (span.empty() ? end : span.begin), Real(0));
+        if (!span.empty()) std::fill(row + span.end, row + end, Real(0));
     }
 
     const ConeTransportScene &scene_;
@@ -271,7 +290,7 @@ private:
     Lattice lattice_;
     std::vector<Ray> rays_;
     LampCones lamp_;
-    int threads_, skew_, albedos_, slabs_ = 0, band_rows_ = 0, bands_ = 0;
+    MarchPlan plan_;
     Real largest_ = 0;
     const Real *sigma_t_ = nullptr;  // of the extinction that is solved
     AlbedoFields sigma_s_{};

@@ -15,6 +15,12 @@ VOLILLUM_INLINE void sample(const Rows &rows, const Taps &taps, int c, Pack &val
             taps.w10 * pack<Pack>(rows.lower + c) + taps.w11 * pack<Pack>(rows.lower + c + 1);
 }
 
+template <class Pack>
+VOLILLUM_INLINE void settle(const Real *known, const Real *missing, const Pack &in_scattered,
+                            Pack &radiance) {
+    radiance = pack<Pack>(known) + (Real(1) - pack<Pack>(missing)) * in_scattered;
+}
+
 // Where on its step a ray loses its light, on average: 0 at the end, 1 at the begin, for an
 // extinction that is linear between a (begin) and b (end), both times the length. That is the
 // integral of u exp(-tau(u)) tau'(u) over [0, 1], over 1 - exp(-(a + b) / 2), with
@@ -76,9 +82,8 @@ VOLILLUM_INLINE void step(const StepRow &row, int begin, int count) {
             sample(here.sigma_a[i], taps_here, c, absorbed_b);
             sample(before.in_scattered[i], taps_before, c, in_scattered);
             const Pack absorbed_share = per_lost * (toward_a * absorbed_a + toward_b * absorbed_b);
-            const Pack radiance =
-                pack<Pack>(rays.known[i] + c - shift) +
-                (Real(1) - pack<Pack>(rays.missing[i] + c - shift)) * in_scattered;
+            Pack radiance;
+            settle(rays.known[i] + c - shift, row.missing[i] + c - shift, in_scattered, radiance);
             const Pack scattered = interacting * (Real(1) - absorbed_share);
             // The same sum twice: without absorption the two agree to the last bit where the
             // radiance and L_i are 1.
@@ -90,6 +95,17 @@ VOLILLUM_INLINE void step(const StepRow &row, int begin, int count) {
         }
         pack<Pack>(rays.seen + c) = t > kDark ? t : Pack{};
     }
+}
+
+template <class Pack>
+VOLILLUM_INLINE void settle_all(const SettleRow &row, int albedos, int begin, int count) {
+    for (int i = 0; i < albedos; ++i)
+        for (int c = begin; c < begin + count; c += lanes_of<Pack>) {
+            Pack in_scattered, radiance;
+            sample(row.in_scattered[i], row.taps, c, in_scattered);
+            settle(row.rays.known[i] + c, row.rays.missing[i] + c, in_scattered, radiance);
+            pack<Pack>(row.rays.known[i] + c) = radiance;
+        }
 }
 
 template <class Pack, bool local>
@@ -138,6 +154,11 @@ void step_row(const StepRow &row, int albedos, int begin, int count) {
         (albedos == 1 ? step_in_packs<1, true> : step_in_packs<3, true>)(row, begin, count);
     else
         (albedos == 1 ? step_in_packs<1, false> : step_in_packs<3, false>)(row, begin, count);
+}
+
+void settle_row(const SettleRow &row, int albedos, int begin, int count) {
+    in_packs([=, &row]<class Pack>(Width<Pack>)
+                 VOLILLUM_LAMBDA { settle_all<Pack>(row, albedos, begin, count); });
 }
 
 void add_row(const AddRow &row, int albedos, int begin, int count) {

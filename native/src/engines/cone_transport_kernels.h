@@ -38,8 +38,9 @@ struct RayRow {
 };
 
 struct StepRow {
-    RayRow rays;  // at column 0 of the slice; those of the slice before lie at their old columns
-    int shift;    // columns that rays move by: now at c, they were at c - shift
+    RayRow rays;
+    const Real *missing[kMostAlbedos];  // on the slice before, placed as `rays`
+    int shift;               // elements that rays move by: what is to be at c was at c - shift
     SliceRows before, here;  // before at column 0, minus the shift; here.in_scattered is not read
     Taps taps_before, taps_here;
     Real length;
@@ -47,6 +48,13 @@ struct StepRow {
     // to 1.
     bool ends = false;
     Real end_start = 0, end_slope = 0;
+};
+
+// L_i is known now: `known` becomes the radiance.
+struct SettleRow {
+    RayRow rays;  // at column 0, as the rows of L_i
+    Rows in_scattered[kMostAlbedos];
+    Taps taps;
 };
 
 // Sums over directions at the lattice points of two neighbouring rows.
@@ -73,6 +81,8 @@ void sample_medium(const MediumRow &row, int count);
 
 // Takes the rays of the columns [begin, begin + count), whole lanes, from slice to slice, in place.
 void step_row(const StepRow &row, int albedos, int begin, int count);
+
+void settle_row(const SettleRow &row, int albedos, int begin, int count);
 
 // Adds weight * (rays interpolated at lattice points). Lattice points lie before the rays of their
 // own column and row, so a row of rays counts for its own row of points and the next.

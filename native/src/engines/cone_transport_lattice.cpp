@@ -188,6 +188,27 @@ Lattice::Lattice(const ConeTransportScene &scene, double spacing, double steepes
         }
         most_points_ = std::max(most_points_, total);
     }
+    place_rows();
+}
+
+// What slices cut of the grid moves sideways from slice to slice.
+void Lattice::place_rows() {
+    std::vector<int> ends(std::size_t(slices), 0);
+    first_columns_.assign(std::size_t(slices), round_up(columns));
+    for (int p = 0; p < slices; ++p)
+        for (int q = -1; q < rows; ++q) {
+            const Span span = rays(p, q);
+            if (span.empty()) continue;
+            int &first = first_columns_[std::size_t(p)], &end = ends[std::size_t(p)];
+            first = std::min(first, span.begin & ~(kLanes - 1));
+            end = std::max(end, span.end);
+        }
+    for (std::size_t p = 1; p < first_columns_.size(); ++p)
+        first_columns_[p] = std::min(first_columns_[p], first_columns_[p - 1] + kLanes);
+    for (std::size_t p = first_columns_.size() - 1; p > 0; --p)
+        first_columns_[p - 1] = std::min(first_columns_[p - 1], first_columns_[p] + kLanes);
+    for (std::size_t p = 0; p < ends.size(); ++p)
+        width_ = std::max(width_, ends[p] - first_columns_[p]);
 }
 
 Vec3d Lattice::index_of(double slice, double row, double column) const {

@@ -38,6 +38,12 @@ public:
         return offsets_[std::size_t(slice) * std::size_t(rows) + std::size_t(row)];
     }
     std::size_t most_points() const { return most_points_; }
+    // The column at which memory for rows of a slice begins: a multiple of kLanes, not beyond any
+    // ray's, at most kLanes from those of the slices beside it; and the columns from there.
+    int first_column(int slice) const {
+        return first_columns_[std::size_t(std::clamp(slice, 0, slices - 1))];
+    }
+    int width() const { return width_; }
     // Where a row of rays is needed: beside a held point. Rays lie beyond the point of their
     // number.
     Span rays(int slice, int row) const {
@@ -57,12 +63,16 @@ public:
     Vec3d position_per_voxel() const;
 
 private:
+    void place_rows();
+
     Vec3d centre_index_, slice_index_, row_index_, column_index_;
     Matrix3 to_lattice_;
     Vec3d centre_;  // lattice position of the grid's middle
     std::vector<Span> spans_;
     std::vector<int> offsets_;
     std::size_t most_points_ = 0;
+    std::vector<int> first_columns_;
+    int width_ = 0;
 };
 
 // How the rays of a direction cross the slices: at row + row_fraction, column + column_fraction of

@@ -9,52 +9,88 @@
 
 #include "cone_transport_kernels.h"
 #include "volillum/control.h"
-#include "volillum/huge_pages.h"
+#include "volillum/huge_array.h"
 
 namespace volillum::cone_detail {
 
-// Rows with margins on both sides; column 0 of each starts on a cache line.
+// Rows with margins on both sides that belong to no other; the first column of each starts on a
+// cache line.
 struct RowLayout {
     int margin = 0, pitch = 0;
     RowLayout() = default;
+    // `reach`: what is touched beside the columns, on each side.
     RowLayout(int columns, int reach)
-        : margin(round_up(reach + kLanes)), pitch(margin + round_up(columns) + margin) {
+        : margin(round_up(reach)), pitch(round_up(round_up(columns) + 2 * reach)) {
         // Rows a power of two apart would meet in one set of the cache.
         if (pitch % (8 * kLanes) == 0) pitch += kLanes;
     }
+    std::size_t size(std::size_t lines) const { return lines * std::size_t(pitch) + kLanes; }
+    // Of a line, for rows whose first column has that number: at column 0.
+    std::ptrdiff_t column_0(std::size_t line, int first_column) const {
+        return std::ptrdiff_t(line) * pitch + margin - first_column;
+    }
 };
 
-// The rays of all directions. A row of memory follows its rays from slice to slice: it is the row
-// of the slice less what the rays have moved since the first, modulo the number of rows. Within it
-// they lie at their columns of the slice.
-class RayStates {
+// Lines of a quantity of all directions' rays. A line follows its rays from slice to slice: it is
+// the row of the slice less what the rays have moved since the first, modulo the number of lines.
+// Within it they lie at their columns of the slice.
+class RayLines {
 public:
-    void resize(std::size_t directions, int rows, const RowLayout &layout, int albedos) {
+    void resize(std::size_t quantities, int rows, const RowLayout &layout) {
         rows_ = rows;
         layout_ = layout;
-        plane_ = std::size_t(rows) * std::size_t(layout.pitch);
-        albedos_ = albedos;
-        values_.resize(directions * quantities() * plane_);
+        values_ = HugeArray<Real>(layout.size(quantities * std::size_t(rows)));
     }
     // At column 0; `row` counts from the rays' first.
-    RayRow at(std::size_t direction, int row) {
+    Real *at(std::size_t quantity, int row, int first_column) {
         const int held = (row % rows_ + rows_) % rows_;
-        Real *first = values_.data() + direction * quantities() * plane_ +
-                      std::size_t(held) * std::size_t(layout_.pitch) + layout_.margin;
-        RayRow result{first, {}, {}};
-        for (int i = 0; i < albedos_; ++i) {
-            result.known[i] = first + std::size_t(1 + 2 * i) * plane_;
-            result.missing[i] = first + std::size_t(2 + 2 * i) * plane_;
-        }
-        return result;
+        return values_.data() +
+               layout_.column_0(quantity * std::size_t(rows_) + std::size_t(held), first_column);
     }
 
 private:
-    std::size_t quantities() const { return std::size_t(1 + 2 * albedos_); }
-    int rows_ = 0, albedos_ = 0;
+    int rows_ = 0;
     RowLayout layout_;
-    std::size_t plane_ = 0;
-    HugeReals values_;
+    HugeArray<Real> values_;
+};
+
+// The rays of all directions: of each row what the next slice needs. `missing` is needed only until
+// L_i is known, so it is kept for the rows of each slab in flight that lie between its first slice
+// and its last, where it is added to `known`.
+class RayStates {
+public:
+    void resize(std::size_t directions, int rows, int slabs, int slab_rows, const RowLayout &layout,
+                int albedos) {
+        directions_ = directions;
+        albedos_ = std::size_t(albedos);
+        slabs_ = slabs;
+        kept_.resize(directions * (1 + albedos_), rows, layout);
+        missing_.resize(std::size_t(slabs) * directions * albedos_, slab_rows, layout);
+        none_missing_.assign(layout.size(1), Real(1));
+        layout_ = layout;
+    }
+    // At column 0.
+    RayRow at(int slab, std::size_t direction, int row, int first_column) {
+        const std::size_t quantity = direction * (1 + albedos_);
+        RayRow result{kept_.at(quantity, row, first_column), {}, {}};
+        const std::size_t place = std::size_t(slab % slabs_) * directions_ + direction;
+        for (std::size_t i = 0; i < albedos_; ++i) {
+            result.known[i] = kept_.at(quantity + 1 + i, row, first_column);
+            result.missing[i] = missing_.at(place * albedos_ + i, row, first_column);
+        }
+        return result;
+    }
+    // A line of ones.
+    const Real *settled(int first_column) const {
+        return none_missing_.data() + layout_.column_0(0, first_column);
+    }
+
+private:
+    std::size_t directions_ = 0, albedos_ = 1;
+    int slabs_ = 1;
+    RayLines kept_, missing_;
+    Reals none_missing_;
+    RowLayout layout_;
 };
 
 // Rows of some quantities, with margins of zeros, of which each row is one after the other.
@@ -63,12 +99,15 @@ public:
     void resize(int rows, int quantities, const RowLayout &layout) {
         quantities_ = quantities;
         layout_ = layout;
-        values_.assign(std::size_t(rows) * std::size_t(quantities) * std::size_t(layout.pitch), 0);
+        values_.assign(layout.size(std::size_t(rows) * std::size_t(quantities)), 0);
     }
+    // For rows of another slice.
+    void begin_at(int first_column) { first_column_ = first_column; }
     // At column 0.
     Real *at(int row, int quantity) {
-        const std::ptrdiff_t line = std::ptrdiff_t(row) * quantities_ + quantity;
-        return values_.data() + line * layout_.pitch + layout_.margin;
+        const std::size_t line =
+            std::size_t(row) * std::size_t(quantities_) + std::size_t(quantity);
+        return values_.data() + layout_.column_0(line, first_column_);
     }
 
     void clear(int row, int rows) {
@@ -77,7 +116,7 @@ public:
     }
 
 private:
-    int quantities_ = 0;
+    int quantities_ = 0, first_column_ = 0;
     RowLayout layout_;
     Reals values_;
 };
@@ -92,6 +131,7 @@ public:
         planes_.resize(held_ + 1, 1 + 2 * albedos, layout);
     }
     void clear() { planes_.clear(0, held_); }
+    void begin_at(int first_column) { planes_.begin_at(first_column); }
     Real *sigma_t(int row) { return at(row, 0); }
     Real *sigma_a(int row, int i) { return at(row, 1 + i); }
     Real *in_scattered(int row, int i) { return at(row, 1 + albedos_ + i); }
@@ -124,6 +164,7 @@ public:
         sums_.resize(2, 1 + 2 * albedos, layout);
     }
     void clear() { sums_.clear(0, 2); }
+    void begin_at(int first_column) { sums_.begin_at(first_column); }
     void clear(int row) { sums_.clear(row & 1, 1); }
     RayRow at(int row) {
         row &= 1;
@@ -146,6 +187,7 @@ public:
     void resize(const RowLayout &layout, std::size_t directions) {
         weights_.resize(2, int(directions), layout);
     }
+    void begin_at(int first_column) { weights_.begin_at(first_column); }
     Real *at(int row, std::size_t direction) { return weights_.at(row & 1, int(direction)); }
 
 private:

@@ -128,11 +128,13 @@ void follow(const Real *exact, const Real *seen, Real *solved) {
 
 }  // namespace
 
-void Solutions::resize(int slabs, std::size_t most_points, int albedos, bool with_seen) {
+void Solutions::resize(int slabs, int slab_slices, std::size_t most_points, int albedos,
+                       bool with_seen) {
     slabs_ = slabs;
+    slab_slices_ = slab_slices;
     albedos_ = albedos;
     // Points are counted in int where voxels look them up.
-    const std::size_t slices = std::size_t(slabs * kSlabSlices + 1),
+    const std::size_t slices = std::size_t(slabs * slab_slices + 1),
                       most = std::numeric_limits<int>::max() / slices - kLanes;
     if (most_points > most)
         throw std::invalid_argument("a slice of the light's lattice has " +
@@ -142,7 +144,7 @@ void Solutions::resize(int slabs, std::size_t most_points, int albedos, bool wit
     pitch_ = round_up(int(most_points) + 1);
     size_ = slices * std::size_t(pitch_);
     const std::size_t count = std::size_t(albedos + (with_seen ? 1 : 0)) * size_;
-    values_.resize(count);
+    values_ = HugeArray<Real>(count);
     std::fill_n(values_.data(), count, Real(0));
 }
 
@@ -163,8 +165,9 @@ VoxelWriter::VoxelWriter(const Index3 &shape, const Lattice &lattice, Solutions 
       transmittance_(transmittance) {}
 
 void VoxelWriter::write(int slab, Real *out) const {
-    const int first = slab * kSlabSlices - 1;  // held from the slab before
-    const int last = std::min(first + kSlabSlices, lattice_.slices - 1);
+    const int slices = solutions_.slab_slices();
+    const int first = slab * slices - 1;  // held from the slab before
+    const int last = std::min(first + slices, lattice_.slices - 1);
     Batch batch{0, {}, {}, {}};
     batch.starts.reserve(std::size_t(last - first + 1) * std::size_t(lattice_.rows));
     for (int slice = first; slice <= last; ++slice)

@@ -6,33 +6,30 @@
 
 #include "cone_transport_kernels.h"
 #include "cone_transport_lattice.h"
-#include "volillum/huge_pages.h"
+#include "volillum/huge_array.h"
 
 namespace volillum::cone_detail {
-
-// Slices of a slab: a thread takes the rows of a band through all of them while they are in the
-// cache.
-constexpr int kSlabSlices = 8;
 
 // What the march leaves at the held points of some slabs in flight, and of the last slice of one
 // slab more: the voxels of a slab lie between it and its own. Beyond the points of a slice lie
 // finite numbers.
 class Solutions {
 public:
-    void resize(int slabs, std::size_t most_points, int albedos, bool with_seen);
+    void resize(int slabs, int slab_slices, std::size_t most_points, int albedos, bool with_seen);
+    int slab_slices() const { return slab_slices_; }
     // Of all slices; `begin` is where one begins.
     Real *in_scattered(int i) { return values_.data() + std::size_t(i) * size_; }
     Real *seen() { return in_scattered(albedos_); }
     int begin(int slice) const {
-        const int slab = slice / kSlabSlices, within = slice % kSlabSlices;
-        if (within == kSlabSlices - 1) return pitch_ * (slab % (slabs_ + 1));
-        return pitch_ * (slabs_ + 1 + (slab % slabs_) * (kSlabSlices - 1) + within);
+        const int slab = slice / slab_slices_, within = slice % slab_slices_;
+        if (within == slab_slices_ - 1) return pitch_ * (slab % (slabs_ + 1));
+        return pitch_ * (slabs_ + 1 + (slab % slabs_) * (slab_slices_ - 1) + within);
     }
 
 private:
-    int slabs_ = 0, pitch_ = 0, albedos_ = 0;
+    int slabs_ = 0, slab_slices_ = 1, pitch_ = 0, albedos_ = 0;
     std::size_t size_ = 0;
-    HugeReals values_;
+    HugeArray<Real> values_;
 };
 
 // Writes L_i at the voxels that lie between the slices of a slab or before its first.

@@ -17,8 +17,8 @@
 #include <limits>
 
 #include "convolution_kernel.h"
-#include "huge_array.h"
 #include "pencils.h"
+#include "volillum/huge_array.h"
 #include "volillum/opacity.h"
 #include "volillum/parallel.h"
 

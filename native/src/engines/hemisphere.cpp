@@ -18,7 +18,7 @@
 #include <cmath>
 
 #include "convolution_kernel.h"
-#include "huge_array.h"
+#include "volillum/huge_array.h"
 #include "volillum/opacity.h"
 #include "volillum/pack.h"
 #include "volillum/parallel.h"

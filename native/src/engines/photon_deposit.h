@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "photon_flights.h"
+#include "volillum/huge_array.h"
 
 namespace volillum {
 
@@ -50,7 +51,7 @@ public:
     std::int32_t *higher_sums() { return higher_sums_; }
     // The pass, but for the higher moments.
     void forget() {
-        std::fill(values_.begin(), values_.end(), 0);
+        std::fill_n(values_.data(), size_, 0);
         forget_spills();
     }
     void forget_spills() {
@@ -101,7 +102,8 @@ private:
 
     int axis_ = 0;
     std::vector<Slab> slabs_;
-    std::vector<std::int32_t> values_;
+    HugeArray<std::int32_t> values_;
+    std::size_t size_ = 0;
     std::int32_t *higher_sums_ = nullptr;
 };
 
@@ -117,7 +119,11 @@ inline void Deposits::begin(const std::array<int, 3> &shape, std::size_t size,
             slabs_[i].high = std::min(slabs_[i].low + planes_per_slab, planes);
         }
     }
-    if (values_.size() != size) values_.assign(size, 0);
+    if (size_ != size) {
+        values_ = HugeArray<std::int32_t>(size);
+        size_ = size;
+        std::fill_n(values_.data(), size, 0);
+    }
     higher_sums_ = higher_sums;
 }
 
