@@ -9,8 +9,10 @@ namespace {
 // Measured on 256^3. Whole rows suit the memory's prefetching; slabs of 8 keep the skew of a tile's
 // rays small; high tiles have little overlap, low ones leave room in the second-level cache for the
 // results of a batch of directions. Larger batches touch the output less often. Slices that are
-// contiguous in memory come by whole cache lines.
-constexpr int kSlabSlices = 8, kTransposedSlab = 2 * kLanes, kTileColumns = 256;
+// contiguous in memory come by whole cache lines: by two where they are all that is waited for. For
+// many directions one is as fast, and each thread holds half as much.
+constexpr int kSlabSlices = 8, kTransposedSlab = kLanes, kHighTransposedSlab = 2 * kLanes,
+              kTileColumns = 256;
 constexpr int kFewDirections = 3, kHighTile = 64, kLowTile = 16;
 constexpr int kBatchBytes = 2 * 1024 * 1024, kLargestBatch = 16;
 
@@ -20,10 +22,10 @@ constexpr int kBatchBytes = 2 * 1024 * 1024, kLargestBatch = 16;
 constexpr int kArrayOffset = 16 / int(sizeof(Real));
 
 // Slices that the first slab must lack so that the others begin or, forward, end with a line.
-int line_offset(const Frame &frame) {
-    const int before = frame.forward ? frame.slices + kArrayOffset : kTransposedSlab - kArrayOffset;
-    const int first = before % kTransposedSlab;
-    return first == 0 ? 0 : kTransposedSlab - first;
+int line_offset(const Frame &frame, int slab_slices) {
+    const int before = frame.forward ? frame.slices + kArrayOffset : slab_slices - kArrayOffset;
+    const int first = before % slab_slices;
+    return first == 0 ? 0 : slab_slices - first;
 }
 
 int even_tile(int size, int largest, int multiple) {
@@ -35,10 +37,11 @@ int even_tile(int size, int largest, int multiple) {
 }  // namespace
 
 Tiling::Tiling(const Frame &frame_, std::size_t directions) : frame(frame_) {
-    slab_slices = frame.transposed() ? kTransposedSlab : kSlabSlices;
-    tile_rows = even_tile(frame.rows, directions <= kFewDirections ? kHighTile : kLowTile, 1);
+    const bool few = directions <= kFewDirections;
+    slab_slices = !frame.transposed() ? kSlabSlices : few ? kHighTransposedSlab : kTransposedSlab;
+    tile_rows = even_tile(frame.rows, few ? kHighTile : kLowTile, 1);
     tile_columns = even_tile(frame.columns, kTileColumns, kLanes);
-    slab_offset = frame.transposed() ? line_offset(frame) : 0;
+    slab_offset = frame.transposed() ? line_offset(frame, slab_slices) : 0;
     slabs = (slab_offset + frame.slices + slab_slices - 1) / slab_slices;
     row_tiles = (frame.rows + tile_rows - 1) / tile_rows;
     column_tiles = (frame.columns + tile_columns - 1) / tile_columns;
