@@ -42,8 +42,9 @@ def test_a_continued_run_is_the_uninterrupted_one(tmp_path: Path) -> None:
         other.load(tmp_path / "no.npz")
 
 
-def test_it_stops_at_the_requested_error() -> None:
-    scene = Scene(MEDIUM, (SKY,))
+@pytest.mark.parametrize("g", [0.0, 0.4])
+def test_it_stops_at_the_requested_error(g: float) -> None:
+    scene = Scene(replace(MEDIUM, g=g), (SKY,))
     many = bake(scene, MODEL, photons=2000, passes=500, error=0.05)
     error = many.cost.error_estimate
     assert error is not None

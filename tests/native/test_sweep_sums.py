@@ -226,6 +226,10 @@ def test_writes_to_the_callers_array() -> None:
     np.testing.assert_array_equal(
         out, volillum_native.sweep(sigma_t, IDENTITY, directions, weights)
     )
+    apart = np.ones((5, *sigma_t.shape), np.float32)
+    volillum_native.sweep(sigma_t, IDENTITY, directions, weights, out=apart[::2], add=True)
+    assert np.allclose(apart[::2], 1 + out, rtol=1e-6)
+    assert np.all(apart[1::2] == 1)
     volillum_native.sweep(sigma_t, IDENTITY, directions, 0 * weights, out=out)
     assert np.all(out == 0)
     nodes = np.zeros((5, *lattice_shape(sigma_t.shape, 8)), np.float32)
@@ -268,6 +272,7 @@ WEST = np.array([[1.0, 0, 0]])
         ({"near_slices": -1}, ValueError, "near_slices is -1; expected 0 or more"),
         ({"out": GRID}, ValueError, r"out has shape \(4, 5, 6\)"),
         ({"out": GRID[None]}, ValueError, "out shares memory with sigma_t"),
+        ({"add": True}, ValueError, "out is None; expected an array to add to"),
         ({"quantity": "depth"}, ValueError, "quantity is 'depth'; expected 'transmittance'"),
     ],
 )

@@ -11,6 +11,9 @@ from ..core.control import Control
 from ..core.grid import Grid, Region
 from ..core.native import native
 
+# Voxels that are interleaved at a time: they stay in the second-level cache.
+INTERLEAVED = 1 << 15
+
 
 def sweep(
     sigma_t: Grid,
@@ -47,6 +50,22 @@ def channels_of(lattice: Grid, planes: NDArray[np.float32], name: str) -> Grid:
     if len(planes) == 1:
         return lattice.with_values(planes[0], name)
     return lattice.with_values(np.ascontiguousarray(np.moveaxis(planes, 0, -1)), name)
+
+
+def interleaved(planes: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Contiguous planes [n, i, j, k] as [i, j, k, n], in the same memory and that of one plane:
+    channels may be the largest thing that a bake holds."""
+    flat, voxels = planes.reshape(-1), planes[0].size
+    # From the last: a plane goes between the rows behind it, which are read before they are passed.
+    for first in reversed(range(len(planes) - 1)):
+        plane = flat[first * voxels : (first + 1) * voxels].copy()
+        behind = flat[(first + 1) * voxels :].reshape(voxels, -1)
+        rows = flat[first * voxels :].reshape(voxels, -1)
+        for begin in range(0, voxels, INTERLEAVED):
+            part = slice(begin, begin + INTERLEAVED)
+            rows[part, 1:] = behind[part].copy()
+            rows[part, 0] = plane[part]
+    return planes.reshape(*planes.shape[1:], len(planes))
 
 
 def falloff(grid: Grid, position: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -136,17 +136,22 @@ def unscattered(
     light: Light, medium: Medium, directions: int, near: int, control: Control
 ) -> NDArray[np.float32]:
     """Exact mean over directions of the radiance that has not been scattered, in the light's unit,
-    [1, 1 or 3, i, j, k]; of light from all around in an anisotropic medium also its moments,
-    sqrt(4 pi) Y_lm, [9, 1 or 3, i, j, k]."""
+    [1 or 3, i, j, k]."""
     sigma_t = medium.sigma_t
     if isinstance(light, DistantLight):
         share = (1 - math.cos(light.angle / 2)) / 2
         count = max(LEAST_DISC_DIRECTIONS, round(directions * share)) if light.angle else 1
         vectors, weights = cone_rule(light.angle / 2, count)
         vectors = about(vectors, np.asarray(light.direction))
-        return np.moveaxis(sweep(sigma_t, vectors, weights[:, None], near, control), 0, 1)
+        return np.asarray(sweep(sigma_t, vectors, weights[:, None], near, control)[:, 0])
     if isinstance(light, EnvironmentLight):
-        return _from_all_around(light, medium, directions, near, control)
+        vectors, weights = _rule_of(light, directions)
+        found = sweep(sigma_t, vectors, weights, near, control)
+        if sigma_t.channels == 3:
+            # Each colour of the light through its own extinction.
+            return np.stack([found[c, min(c, found.shape[1] - 1)] for c in range(3)])
+        mean: NDArray[np.float32] = found[0]
+        return mean
     assert isinstance(light, PointLight | SpotLight | AreaLight)
     positions, shares = np.asarray(light.position)[None], np.ones(1)
     if isinstance(light, AreaLight) and light.area:
@@ -163,28 +168,48 @@ def unscattered(
             planes[:, i] *= share * _falloff(light, position, share, points, sigma_t)
         total = planes if total is None else total + planes
     assert total is not None
-    return total[None]
+    return total
 
 
-def _from_all_around(
-    light: EnvironmentLight, medium: Medium, directions: int, near: int, control: Control
-) -> NDArray[np.float32]:
+def add_moments(
+    light: EnvironmentLight,
+    medium: Medium,
+    directions: int,
+    near: int,
+    planes: NDArray[np.float32],
+    control: Control,
+) -> None:
+    """Adds the moments, means of radiance times sqrt(4 pi) Y_lm, of the light that has not been
+    scattered to `planes` [9 moments * 1 or 3 colours, i, j, k]."""
+    vectors, weights = _rule_of(light, directions)
+    basis = math.sqrt(4 * math.pi) * harmonics.evaluate(vectors)[:, :MOMENTS]
+    weights = np.broadcast_to(weights, (len(weights), len(planes) // MOMENTS))
+    extinctions = medium.sigma_t.channels
+    for index, sigma_t in enumerate(medium.sigma_t.planes()):
+        own = weights[:, index::extinctions]  # all colours at once where they share the extinction
+        columns = (basis[:, :, None] * own[:, None]).reshape(len(vectors), -1)
+        with control.stage(index / extinctions, (index + 1) / extinctions, "unscattered light"):
+            native.sweep(
+                sigma_t,
+                medium.sigma_t.index_to_world,
+                vectors,
+                np.ascontiguousarray(columns, dtype=np.float32),
+                near_slices=near,
+                control=control.native,
+                out=planes[index::extinctions],
+                add=True,
+            )
+
+
+def _rule_of(light: EnvironmentLight, directions: int) -> tuple[Rgb, Rgb]:
+    """Directions [d, 3] and the weights of radiances in them, [d, 1 or 3]."""
     if _is_lit_image(light):
         vectors, weights = image_rule(light, directions)
         weights = weights / (4 * math.pi * _mean_radiance(light))
     else:
         vectors, weights = sphere_rule(directions)
         weights = weights[:, None]
-    if not is_coloured(light):
-        weights = weights[:, :1]
-    count = 1 if medium.g == 0 else MOMENTS
-    basis = math.sqrt(4 * math.pi) * harmonics.evaluate(vectors)[:, :count]
-    columns = basis[:, :, None] * weights[:, None, :]  # [d, moments, colours]
-    planes = sweep(medium.sigma_t, vectors, columns.reshape(len(vectors), -1), near, control)
-    planes = planes.reshape(len(planes), count, -1, *medium.sigma_t.shape)
-    if len(planes) == 3 and planes.shape[2] == 3:
-        return np.stack([planes[c, :, c] for c in range(3)], axis=1)
-    return np.moveaxis(planes[:, :, 0], 0, 1) if len(planes) == 3 else planes[0]
+    return np.ascontiguousarray(vectors), weights if is_coloured(light) else weights[:, :1]
 
 
 def image_rule(

@@ -36,12 +36,14 @@ from .angular import MOMENT_ORDER, MOMENTS, Moment
 from .model import Model, Need, Parameter, Values
 from .operator import Operator
 from .photon_kernel import OPTIMAL_ALPHA
-from .photon_state import LEAST_PASSES, PACK, UNSCATTERED_SHARE, PhotonState
+from .photon_state import LEAST_PASSES, PACK, PhotonState
 from .settings import NEAR_SLICES
 from .volume import STANDARD_ERROR, Factor, IlluminationVolume, RadianceTerm
 
 # Beyond it the bands above l = 2 outweigh those that are stored, and no series tells by how much.
 SHARPEST = 0.95
+# Shares of the progress that unscattered light takes: before the photons and, its moments, after.
+UNSCATTERED_SHARE = 0.1
 # The bands that are left out weigh |g|^3 and less: of a smaller g, nothing that float32 can hold.
 LEAST_G = 1e-3
 
@@ -63,11 +65,12 @@ def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
     """The channels that `radiance` reads, and `standard_error`."""
     with control.stage(0, UNSCATTERED_SHARE, "unscattered light"):
         state = PhotonState(scene, values, control)
-    with control.stage(UNSCATTERED_SHARE, 1, "photons"):
+    with control.stage(UNSCATTERED_SHARE, 1 - UNSCATTERED_SHARE, "photons"):
         state.refine(
             int(values["passes"]), control, float(values["error"]), float(values["seconds"])
         )
-    return state.channels(release=True)
+    with control.stage(1 - UNSCATTERED_SHARE, 1, "unscattered light"):
+        return state.channels(control, release=True)
 
 
 def radiance(lights: tuple[Light, ...], medium: Medium, values: Values) -> tuple[RadianceTerm, ...]:

@@ -8,6 +8,7 @@ import tempfile
 import time
 from hashlib import blake2b
 from pathlib import Path
+from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,20 +16,18 @@ from numpy.typing import NDArray
 from ..core.control import Control
 from ..core.errors import InputError, bad
 from ..core.grid import Grid
-from ..core.lights import light_shape
+from ..core.lights import EnvironmentLight, Light, light_shape
 from ..core.native import native
 from ..core.scene import Scene
 from . import photon_kernel, photon_lights
 from .angular import MOMENTS
-from .engines import channels_of
+from .engines import channels_of, interleaved
 from .model import Values
 from .photon_part import Part
 from .volume import STANDARD_ERROR
 
 # A standard error needs two passes.
 LEAST_PASSES = 2
-# Share of the progress that unscattered light takes.
-UNSCATTERED_SHARE = 0.1
 STATE_FORMAT = 3
 # The largest share of the scatterings that may be left out because photons are given up. One that
 # is given up would have scattered about as often again, or more.
@@ -40,6 +39,11 @@ PACK = 3
 def _grid(lattice: Grid, values: NDArray[np.float32], name: str) -> Grid:
     """A grid of `values` [i, j, k, channels]."""
     return lattice.with_values(values[..., 0] if values.shape[-1] == 1 else values, name)
+
+
+def _has_moments(light: Light | None) -> TypeGuard[EnvironmentLight]:
+    """Whether the light's unscattered part, in an anisotropic medium, has moments of its own."""
+    return light is not None and not photon_lights.has_direction(light)
 
 
 class PhotonState:
@@ -75,38 +79,42 @@ class PhotonState:
         for index, light in enumerate(scene.lights):
             begin, end = index / len(scene.lights), (index + 1) / len(scene.lights)
             with control.stage(begin, end, f"light {index + 1}"):
-                exact = photon_lights.unscattered(
-                    light, medium, int(values["directions"]), int(values["near"]), control
-                )
+                late = medium.g != 0 and _has_moments(light)
+                exact = None if late else self._unscattered(light, control)
             source, unit = photon_lights.source(light), photon_lights.unit(light, lattice)
             strength = photon_lights.strength(light, lattice)
-            one_way = medium.g != 0 and photon_lights.has_direction(light)
-            self.parts.append(self._part(source, exact, unit, strength, one_way))
+            self.parts.append(self._part(light, source, exact, unit, strength))
         if medium.emission is not None:
             assert traced.emission is not None
             source = photon_lights.emission_source(traced.emission)
-            self.parts.append(self._part(source, None, 1.0, np.ones(3), False))
+            self.parts.append(self._part(None, source, None, 1.0, np.ones(3)))
+
+    def _unscattered(self, light: Light, control: Control) -> NDArray[np.float32]:
+        """Its mean over directions."""
+        directions, near = int(self.values["directions"]), int(self.values["near"])
+        return photon_lights.unscattered(light, self.scene.medium, directions, near, control)
 
     def _part(
         self,
+        light: Light | None,
         source: native.PhotonSource,
         unscattered: NDArray[np.float32] | None,
         unit: float,
         strength: NDArray[np.float64],
-        one_way: bool,
     ) -> Part:
         plain = (math.prod(self._traced), self._photons.colours(source))
         moments = (plain[0], self._moments - 1, plain[1]) if self._moments > 1 else None
         return Part(
+            light,
             source,
             np.zeros(plain, np.float32),
             np.zeros(plain, np.float32),
             None if moments is None else np.zeros(moments, np.int32),
             None if moments is None else np.zeros(moments, np.int32),
             unscattered,
-            unit * self._photons.deposit_unit(source, unscattered is None),
+            unit * self._photons.deposit_unit(source, light is None),
             strength,
-            one_way,
+            self._moments > 1 and light is not None and photon_lights.has_direction(light),
         )
 
     @property
@@ -141,7 +149,7 @@ class PhotonState:
             # The error falls with the root of the passes: looked at after every eighth more.
             if error > 0 and self.passes >= looked * 9 / 8:
                 looked = self.passes
-                if self.relative_error() <= error:
+                if self.relative_error(control) <= error:
                     return
 
     def _radius(self, index: int) -> float:
@@ -159,7 +167,7 @@ class PhotonState:
             part.source, part.sums, part.deviations, part.higher, part.wraps,
             seed=(int(self.values["noise_seed"]) << 16) + index,
             pass_index=part.passes, photons=int(self.values["photons"]),
-            unscattered=part.unscattered is None, radius=self._radius(part.passes),
+            unscattered=part.light is None, radius=self._radius(part.passes),
             control=control.native,
         )  # fmt: skip
         part.passes += 1
@@ -175,12 +183,13 @@ class PhotonState:
                 f"{MOST_LEFT_OUT:.0%}: a less deep medium, or an albedo below 1"
             )
 
-    def channels(self, release: bool = False) -> dict[str, Grid]:
+    def channels(self, control: Control | None = None, release: bool = False) -> dict[str, Grid]:
         """In-scattered radiance at unit strength, by light (`photon_mapping.radiance` has their
         names and meaning), and `standard_error`: of the mean over directions of the sum over all
         lights, at their strengths. `release`: the state gives its memory for them, and is of no
         use afterwards."""
         self._need_passes()
+        control = control or Control()
         if release:
             del self._photons
         lattice = self.scene.medium.sigma_t
@@ -188,44 +197,63 @@ class PhotonState:
         for slab in lattice.slabs():
             error[slab] = np.sqrt(self._variance(slab))
         result: dict[str, Grid] = {}
+        for part in self.parts if release else []:
+            part.forget("deviations")
         for index, part in enumerate(self.parts):
             suffix = f"_{index}" if index < len(self.scene.lights) else "_emitted"
+            if self._moments == 1:
+                light = self._empty(part.sums.shape[1])
+                for slab in lattice.slabs():
+                    light[slab] = self._mean(part, slab)
+                result["light" + suffix] = _grid(lattice, light, "light" + suffix)
+                for name in ("sums", "unscattered") if release else ():
+                    part.forget(name)
+                continue
             if part.one_way and part.unscattered is not None:
                 name = "direct" + suffix
-                result[name] = channels_of(lattice, part.unscattered[0], name)
-            packs = self._packs(part)
-            filled = {
-                name: self._empty(len(moments) * part.sums.shape[1])
-                for name, moments in packs.items()
-            }
-            # From the end, so that what has been read can be given back.
-            for slab in reversed(list(lattice.slabs())):
-                for name, moments in packs.items():
-                    parts = [self._moment(part, m, slab) for m in moments]
-                    filled[name][slab] = np.concatenate(parts, axis=-1)
-                if release:
-                    part.shorten(math.prod(self._traced[1:]) * (slab.start + self._margin[0]))
-            for name, values in filled.items():
-                result[name + suffix] = _grid(lattice, values, name + suffix)
+                result[name] = channels_of(lattice, part.unscattered, name)
+            with control.stage(index / len(self.parts), (index + 1) / len(self.parts), "moments"):
+                for name, values in self._packs(part, control, release).items():
+                    result[name + suffix] = lattice.with_values(values, name + suffix)
         result[STANDARD_ERROR] = _grid(lattice, error, STANDARD_ERROR)
         return result
 
-    def _packs(self, part: Part) -> dict[str, tuple[int, ...]]:
-        """Channels of what is not kept apart, and their moments: coloured ones in grids of their
-        own, scalar ones three to a grid."""
-        if self._moments == 1:
-            return {"light": (0,)}
-        every = range(self._moments)
-        if part.sums.shape[1] == 3:
-            return {f"moment_{m}": (m,) for m in every}
-        return {f"moments_{m // PACK}": tuple(every[m : m + PACK]) for m in every[::PACK]}
+    def _packs(self, part: Part, control: Control, release: bool) -> dict[str, NDArray[np.float32]]:
+        """Moments of what is not kept apart, [i, j, k, 3]: coloured ones in grids of their own,
+        scalar ones three to a grid."""
+        lattice, colours = self.scene.medium.sigma_t, part.sums.shape[1]
+        planes = np.empty((self._moments * colours, *lattice.shape), np.float32)
+        # From the end, so that what has been read can be given back.
+        for slab in reversed(list(lattice.slabs())):
+            for moment in range(self._moments):
+                values = np.moveaxis(self._moment(part, moment, slab), -1, 0)
+                planes[colours * moment : colours * (moment + 1), slab] = values
+            if release:
+                part.shorten(math.prod(self._traced[1:]) * (slab.start + self._margin[0]))
+        if _has_moments(part.light):
+            directions, near = int(self.values["directions"]), int(self.values["near"])
+            photon_lights.add_moments(
+                part.light, self.scene.medium, directions, near, planes, control
+            )
+        name = "moment" if colours == 3 else "moments"
+        return {
+            f"{name}_{first // PACK}": interleaved(planes[first : first + PACK])
+            for first in range(0, len(planes), PACK)
+        }
 
     def _empty(self, channels: int) -> NDArray[np.float32]:
         """Values to be, [i, j, k, channels]."""
         return np.empty((*self.scene.medium.sigma_t.shape, channels), np.float32)
 
+    def _mean(self, part: Part, slab: slice) -> NDArray[np.float32]:
+        """The mean over directions at unit strength, [slab, j, k, 1 or 3]."""
+        scattered = self._moment(part, 0, slab)
+        if part.unscattered is None:
+            return scattered
+        return np.asarray(scattered + np.moveaxis(part.unscattered[:, slab], 0, -1))
+
     def _moment(self, part: Part, moment: int, slab: slice) -> NDArray[np.float32]:
-        """One moment at unit strength, [slab, j, k, 1 or 3], of what is not kept apart."""
+        """One moment of the scattered light at unit strength, [slab, j, k, 1 or 3]."""
         scale = part.scale / (int(self.values["photons"]) * part.passes)
         if moment == 0:
             sums = self._inner(part.sums, slab).astype(np.float64)
@@ -235,15 +263,15 @@ class PhotonState:
             sums = self._inner(part.wraps[:, moment - 1], slab).astype(np.float64) * 2.0**32
             sums += self._inner(part.higher[:, moment - 1], slab)
             sums *= native.higher_unit
-        scattered = (sums * scale).astype(np.float32)
-        if part.unscattered is None or part.one_way:
-            return scattered
-        return np.asarray(scattered + np.moveaxis(part.unscattered[moment][:, slab], 0, -1))
+        return np.asarray((sums * scale).astype(np.float32))
 
-    def relative_error(self) -> float:
+    def relative_error(self, control: Control | None = None) -> float:
         """Root mean square of the standard error over that of the in-scattered radiance (its mean
         over directions), in voxels with matter."""
         self._need_passes()
+        for part in self.parts:
+            if part.light is not None and part.unscattered is None:
+                part.unscattered = self._unscattered(part.light, control or Control())
         noise = power = 0.0
         for slab in self.scene.medium.sigma_t.slabs():
             matter = self.scene.medium.sigma_t.values[slab] > 0
@@ -251,10 +279,7 @@ class PhotonState:
                 matter = matter.any(axis=-1)
             total = np.zeros((int(matter.sum()), 3))
             for part in self.parts:
-                values = self._moment(part, 0, slab)[matter].astype(np.float64)
-                if part.one_way and part.unscattered is not None:
-                    values = values + np.moveaxis(part.unscattered[0][:, slab], 0, -1)[matter]
-                total += values * part.strength
+                total += self._mean(part, slab)[matter].astype(np.float64) * part.strength
             noise += float(np.broadcast_to(self._variance(slab)[matter], total.shape).sum())
             power += float((total**2).sum())
         return math.sqrt(noise / power) if power > 0 else 0.0

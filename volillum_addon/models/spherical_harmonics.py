@@ -25,7 +25,7 @@ from ..core.grid import Grid
 from ..core.lights import Light
 from ..core.medium import Medium
 from ..core.scene import Scene
-from .engines import sweep
+from .engines import interleaved, sweep
 from .model import Model, Need, Parameter, Values
 from .operator import Operator, highest_band, truncated_radiance
 from .published import ALGORITHM, LOCAL_RADIUS, composed_harmonics, is_published
@@ -71,7 +71,7 @@ def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
     for first in range(0, count, PACK):
         name = f"coefficients_{first // PACK}"
         some = planes[0, first : first + PACK]
-        values_xyz = _interleaved(some) if len(some) > 1 else some[0]
+        values_xyz = interleaved(some) if len(some) > 1 else some[0]
         channels[name] = sigma_t.with_values(values_xyz, name)
     return channels
 
@@ -82,14 +82,6 @@ def _stored(lights: tuple[Light, ...], values: Values) -> int:
     if values["bands"] == "lit":
         order = min(order, max((highest_band(light) for light in lights), default=0))
     return harmonics.count(order)
-
-
-def _interleaved(planes: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Contiguous planes [3, i, j, k] as [i, j, k, 3], in the same memory."""
-    turned = np.moveaxis(planes, 0, -1).copy()
-    values = planes.reshape(turned.shape)
-    values[...] = turned
-    return values
 
 
 def composed(

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <climits>
+#include <cstddef>
 #include <limits>
 
 #include "volillum/control.h"
@@ -21,6 +22,8 @@ struct SweepSettings {
     Index3 wanted_begin{0, 0, 0}, wanted_end{INT_MAX, INT_MAX, INT_MAX};
     int threads = 0;  // 0: all cores
     Control *control = nullptr;
+    bool add = false;                  // to what the output holds
+    std::ptrdiff_t channel_pitch = 0;  // from channel to channel of the output; 0: its voxels
 };
 
 // The medium and the directions: outward unit vectors in world space, `count` of them, row-major.

@@ -25,10 +25,11 @@ inline std::string shape_text(const AnyArray &array) {
 }
 
 // Throws nb::type_error or nb::value_error unless `array` is C-contiguous, of type Scalar and of
-// `shape`, where -1 allows any positive length and `axes` names what was expected.
+// `shape`, where -1 allows any positive length and `axes` names what was expected. `apart`: what
+// the first axis counts may lie at any distance.
 template <class Scalar>
 const Scalar *require(const AnyArray &array, const char *name, const char *axes,
-                      std::initializer_list<std::int64_t> shape) {
+                      std::initializer_list<std::int64_t> shape, bool apart = false) {
     const std::string label = name;
     if (array.dtype() != nb::dtype<Scalar>()) {
         const std::string expected = sizeof(Scalar) == 4 ? "float32" : "float64";
@@ -46,7 +47,9 @@ const Scalar *require(const AnyArray &array, const char *name, const char *axes,
             (label + " has shape " + shape_text(array) + "; expected " + axes).c_str());
     std::int64_t stride = 1;
     for (std::size_t axis = array.ndim(); axis-- > 0;) {
-        if (array.shape(axis) > 1 && array.stride(axis) != stride)
+        const bool given =
+            axis == 0 && apart ? array.stride(0) >= stride : array.stride(axis) == stride;
+        if (array.shape(axis) > 1 && !given)
             throw nb::value_error(
                 (label + " is not C-contiguous; expected " + axes + " in C order").c_str());
         stride *= std::int64_t(array.shape(axis));
@@ -55,10 +58,10 @@ const Scalar *require(const AnyArray &array, const char *name, const char *axes,
 }
 
 // The caller's array `out` or, for None, a new one that owns its memory, made by numpy so that a
-// large one gets the pages that numpy asks for.
+// large one gets the pages that numpy asks for. `apart` as in `require`.
 inline std::pair<nb::object, Real *> output(const nb::object &out,
                                             std::initializer_list<std::int64_t> shape,
-                                            bool zeros = false) {
+                                            bool zeros = false, bool apart = false) {
     nb::object array = out;
     if (out.is_none()) {
         nb::list sizes;
@@ -70,7 +73,7 @@ inline std::pair<nb::object, Real *> output(const nb::object &out,
     if (!nb::try_cast(array, view))
         throw nb::type_error("out is not a writable array; expected float32 as is returned");
     const Real *data =
-        require<Real>(nb::cast<AnyArray>(array), "out", "the shape that is returned", shape);
+        require<Real>(nb::cast<AnyArray>(array), "out", "the shape that is returned", shape, apart);
     return {array, const_cast<Real *>(data)};
 }
 

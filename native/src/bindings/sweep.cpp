@@ -76,19 +76,30 @@ Quantity read_quantity(const std::string &name) {
         ("quantity is '" + name + "'; expected 'transmittance' or 'optical_depth'").c_str());
 }
 
-std::pair<RealArray, Real *> output(const nb::object &out, const AnyArray &sigma_t,
-                                    std::initializer_list<std::int64_t> shape, bool zeros) {
-    const auto [array, data] = volillum::output(out, shape, zeros);
-    std::size_t size = 1;
-    for (const std::int64_t side : shape) size *= std::size_t(side);
-    volillum::refuse_shared(data, size, sigma_t, "sigma_t");
-    return {nb::borrow<RealArray>(array), data};
+struct Output {
+    RealArray array;
+    Real *data;
+    std::ptrdiff_t pitch;  // from one of the first axis to the next
+};
+
+Output output(const nb::object &out, const AnyArray &sigma_t,
+              std::initializer_list<std::int64_t> shape, bool zeros, bool apart = false) {
+    const auto [array, data] = volillum::output(out, shape, zeros, apart);
+    std::int64_t inner = 1;
+    for (const std::int64_t *side = shape.begin() + 1; side != shape.end(); ++side) inner *= *side;
+    const std::int64_t count = *shape.begin();
+    // A lone one may have any stride.
+    const std::int64_t pitch = count > 1 ? nb::cast<AnyArray>(array).stride(0) : inner;
+    volillum::refuse_shared(data, std::size_t((count - 1) * pitch + inner), sigma_t, "sigma_t");
+    return {nb::borrow<RealArray>(array), data, pitch};
 }
 
 RealArray sweep(const AnyArray &sigma_t, const AnyArray &index_to_world, const AnyArray &directions,
                 const AnyArray &weights, double radius, int near_slices,
                 const std::string &quantity, const Wanted &wanted, int threads, Control *control,
-                const nb::object &out_or_none) {
+                const nb::object &out_or_none, bool add) {
+    if (add && out_or_none.is_none())
+        throw nb::value_error("out is None; expected an array to add to");
     const SweepScene scene = read_scene(sigma_t, index_to_world, directions);
     const Real *weight =
         require<Real>(weights, "weights", "[d, c], one row per direction", {scene.count, -1});
@@ -96,17 +107,19 @@ RealArray sweep(const AnyArray &sigma_t, const AnyArray &index_to_world, const A
                            .near_slices = near_slices,
                            .quantity = read_quantity(quantity),
                            .threads = threads,
-                           .control = control};
+                           .control = control,
+                           .add = add};
     set_wanted(settings, wanted);
     const int channels = int(weights.shape(1));
-    const auto [out, data] =
+    const Output out =
         output(out_or_none, sigma_t, {channels, scene.shape[0], scene.shape[1], scene.shape[2]},
-               wanted.has_value());
+               wanted.has_value(), true);
+    settings.channel_pitch = out.pitch;
     {
         const nb::gil_scoped_release release;
-        volillum::sweep(scene, weight, channels, settings, data);
+        volillum::sweep(scene, weight, channels, settings, out.data);
     }
-    return out;
+    return out.array;
 }
 
 RealArray sweep_weighted(const AnyArray &sigma_t, const AnyArray &index_to_world,
@@ -128,13 +141,13 @@ RealArray sweep_weighted(const AnyArray &sigma_t, const AnyArray &index_to_world
     SweepSettings settings{
         .radius = radius, .near_slices = near_slices, .threads = threads, .control = control};
     set_wanted(settings, wanted);
-    const auto [out, data] = output(
-        out_or_none, sigma_t, {scene.shape[0], scene.shape[1], scene.shape[2]}, wanted.has_value());
+    const Output out = output(out_or_none, sigma_t,
+                              {scene.shape[0], scene.shape[1], scene.shape[2]}, wanted.has_value());
     {
         const nb::gil_scoped_release release;
-        volillum::sweep_weighted(scene, weight, spacing, settings, data);
+        volillum::sweep_weighted(scene, weight, spacing, settings, out.data);
     }
-    return out;
+    return out.array;
 }
 
 constexpr const char *sweep_doc =
@@ -161,7 +174,8 @@ stay as they are in `out`, 0 in a new array, and cost next to nothing.
 threads: 0: all cores. The result is the same, bit for bit, for any number.
 control: cancels (raises Cancelled) and tells the progress.
 out: an array to write to instead of a new one; the system takes as long to give new pages as
-the sweep takes to fill them.
+the sweep takes to fill them. Its channels may lie apart in memory.
+add: adds to what `out` holds.
 Returns float32 [c, nx, ny, nz].
 Raises ValueError for wrong shapes, a singular affine, directions that are not of unit length
 to 1e-6, or settings out of range; TypeError for wrong types.)";
@@ -183,7 +197,7 @@ void bind_sweep(nb::module_ &module) {
     module.def("sweep", &sweep, "sigma_t"_a, "index_to_world"_a, "directions"_a, "weights"_a,
                nb::kw_only(), "radius"_a = infinity, "near_slices"_a = 4,
                "quantity"_a = "transmittance", "wanted"_a = nb::none(), "threads"_a = 0,
-               "control"_a = nb::none(), "out"_a = nb::none(), sweep_doc);
+               "control"_a = nb::none(), "out"_a = nb::none(), "add"_a = false, sweep_doc);
     module.def("sweep_weighted", &sweep_weighted, "sigma_t"_a, "index_to_world"_a, "directions"_a,
                "weights"_a, "spacing"_a, nb::kw_only(), "radius"_a = infinity, "near_slices"_a = 4,
                "wanted"_a = nb::none(), "threads"_a = 0, "control"_a = nb::none(),

@@ -5,6 +5,7 @@
 
 #include "photon_trace.h"
 #include "volillum/affine.h"
+#include "volillum/pages.h"
 #include "volillum/parallel.h"
 
 namespace volillum {
@@ -149,7 +150,10 @@ struct PhotonTracer::Impl {
 PhotonTracer::PhotonTracer(const double *index_to_world, const Size3 &shape,
                            const PhotonMedium &medium, double least_majorant)
     : impl_(std::make_unique<Impl>(index_to_world, shape, medium, least_majorant)) {}
-PhotonTracer::~PhotonTracer() = default;
+PhotonTracer::~PhotonTracer() {
+    impl_.reset();
+    trim_malloc();
+}
 
 std::size_t PhotonTracer::colours(const PhotonSource &source) const {
     const PhotonField &field = impl_->field;

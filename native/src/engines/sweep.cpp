@@ -7,12 +7,15 @@
 
 #include "sweep_lattice.h"
 #include "sweep_weights.h"
+#include "volillum/pages.h"
 #include "volillum/parallel.h"
 
 namespace volillum {
 namespace sweep_detail {
 namespace {
 
+// So few go through the grid in the time that the system takes for new pages.
+constexpr int kFewDirections = 3;
 // Measured on 256^3: 8 directions' planes in the third-level cache, and where touching the output
 // once more costs more than planes that are not.
 constexpr std::size_t kCachedPlanes = std::size_t(9) << 20, kDirectionsPerChannel = 4;
@@ -28,7 +31,12 @@ struct Workspace {
 class Run {
 public:
     Run(const SweepScene &scene, const SweepSettings &settings, const Weights &weights, Real *out)
-        : scene_(scene), settings_(settings), weights_(weights), out_(out) {}
+        : scene_(scene),
+          settings_(settings),
+          weights_(weights),
+          out_(out),
+          channel_pitch_(settings.channel_pitch ? settings.channel_pitch : voxels()),
+          written_(settings.add) {}
 
     void all_passes() {
         const std::vector<Pass> passes = plan_passes(scene_, settings_);
@@ -225,7 +233,7 @@ private:
                 box.rows.begin,
                 frame.slice_stride,
                 frame.row_stride,
-                voxels(),
+                channel_pitch_,
                 written_};
     }
 
@@ -241,7 +249,7 @@ private:
                               box.columns.size(), frame.forward, written_,
                               to + b * frame.row_stride, frame.column_stride, frame.row_stride);
             from.first += from.channel_pitch;
-            to += voxels();
+            to += channel_pitch_;
         }
     }
 
@@ -286,9 +294,10 @@ private:
     const SweepSettings &settings_;
     const Weights &weights_;
     Real *out_;
+    std::ptrdiff_t channel_pitch_;
     Real largest_ = 0;
     double longest_step_ = 0.0;
-    bool written_ = false;  // whether an earlier pass has written the whole output
+    bool written_;  // whether the whole output holds what is to be added to
     std::vector<Workspace> workspaces_;
 };
 
@@ -297,6 +306,7 @@ private:
 void sweep_with(const SweepScene &scene, const Weights &weights, const SweepSettings &settings,
                 Real *out) {
     Run(scene, settings, weights, out).all_passes();
+    if (scene.count > kFewDirections) trim_malloc();
 }
 
 }  // namespace sweep_detail
