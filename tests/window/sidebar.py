@@ -121,6 +121,7 @@ def top_of(wanted: str) -> Steps:
 
 def open_next_panel(last: str) -> Steps:
     """Click on the title below `last`, the lowest button of a panel."""
+    yield from scroll(6)  # the title may lie below the window's end
     x, y = yield from find(last)
     while last in under_mouse():
         y -= 2

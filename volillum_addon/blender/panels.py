@@ -88,6 +88,7 @@ class VOLILLUM_PT_bake(Sidebar, bpy.types.Panel):
         scene = context.scene
         settings = scene.volillum
         layout.prop(settings, "directory")
+        layout.prop(settings, "seen_only")
         progress_or_button(layout, "volillum.bake", "RENDER_STILL")
         progress_or_button(layout, "volillum.bake_frames", "RENDER_ANIMATION", scale=1)
         baked = settings.baked
@@ -106,7 +107,6 @@ class VOLILLUM_PT_bake(Sidebar, bpy.types.Panel):
             layout.operator("volillum.swap", text=label, icon="ARROW_LEFTRIGHT")
         progress_or_button(layout, "volillum.side_by_side", "GRID", scale=1)
         layout.prop(settings, "as_radiance")
-        layout.prop(settings, "seen_only")
         if baked.path and not follows:
             _baked(layout.box(), scene, wrap.room(context) - wrap.BOX)
 

@@ -32,10 +32,10 @@ def installing() -> Steps:
     yield lambda: running() is None and len(volumes()) == 1
     yield 1.0
     picture("first_opened")
-    yield from scroll(20)
     yield from press("volillum.light(")
     yield 1.0
     picture("first_lit")
+    yield from scroll(20)
     yield from press("volillum.bake(")
     yield lambda: running() is None and bool(settings().baked.path)
     yield from press("volillum.show(baked=True)")
