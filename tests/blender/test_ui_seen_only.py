@@ -1,4 +1,4 @@
-"""Only what the camera sees: from the panel's switch to the picture, and what makes it stale."""
+"""Only what is seen: from the panel's switch to the picture, and what makes it stale."""
 
 from __future__ import annotations
 

@@ -122,7 +122,7 @@ class Settings(bpy.types.PropertyGroup):
     )
     seen_only: _still(
         bpy.props.BoolProperty,
-        "Only what the camera sees",
+        "Only what is seen",
         "Bake no light where the scene's camera does not look: close views bake faster, into "
         "smaller files. Other views then need another bake",
     )
@@ -141,7 +141,7 @@ class Settings(bpy.types.PropertyGroup):
     )
     compare_published: _still(
         bpy.props.BoolProperty,
-        "Published algorithms too",
+        "Published ones too",
         "Set the algorithm that each model was published with beside the solution of its equation",
         default=False,
     )
