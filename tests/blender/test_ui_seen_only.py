@@ -8,10 +8,10 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
+from command_line import session
 
 from volillum_addon.bake.vdb import read_metadata, read_vdb
 from volillum_addon.blender import live, live_session, staleness, work
-from volillum_addon.blender.cli import main
 from volillum_addon.blender.render import render_image, set_cycles
 
 MODEL = "multidirectional_occlusion"
@@ -118,13 +118,14 @@ def test_live_follows_the_view(close: bpy.types.Scene, followed: live.Live) -> N
     assert paths[0] != paths[1]
 
 
-def test_the_command_line_asks_for_it(
-    close: bpy.types.Scene, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_line_asks_for_it(close: bpy.types.Scene, tmp_path: Path) -> None:
     close.volillum.seen_only = False
-    for option in ([], ["--seen-only"]):
-        asked = ["bake", "--model", MODEL, "--set", "directions=8", "-o", str(tmp_path), *option]
-        assert main(asked) == 0
-        path = capfd.readouterr().out.strip()
-        assert ("view" in read_metadata(path)["inputs"]) == bool(option)
-        assert not close.volillum.seen_only
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "close.blend"), copy=True)
+    asked = ["bake", "close.blend", "--scene", close.name, "--model", MODEL, "-o", "bakes"]
+    asked += ["--set", "directions=8"]
+    for result, seen_only in zip(
+        session(tmp_path, asked, [*asked, "--seen-only"]), (False, True), strict=True
+    ):
+        assert result.status == 0, result.err
+        inputs = read_metadata(tmp_path / result.out.strip())["inputs"]
+        assert ("view" in inputs) == seen_only
