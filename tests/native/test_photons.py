@@ -1,93 +1,15 @@
-"""The photon engine: furnaces, exact energy, closed forms of slabs, colours, errors, threads."""
+"""The photon engine: furnaces, exact energy, closed forms of slabs, colours, errors."""
 
 from __future__ import annotations
 
 import math
-import threading
-import time
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from photon_passes import Run, random_medium, z_scores
 
-import volillum_native as native
-from volillum_native import Photons, PhotonSource
-
-# Sheared, oblong, mirrored.
-AFFINE = np.array([[0.1, 0.02, 0, 3], [0, -0.12, 0.01, 1], [0, 0, 0.09, -2], [0, 0, 0, 1.0]])
-
-
-def random_medium(size: int = 10, channels: int = 1, seed: int = 0) -> NDArray[np.float32]:
-    random = np.random.default_rng(seed)
-    return (random.random((channels, size, size + 1, size + 2)) * 8).astype(np.float32)
-
-
-class Run:
-    """Passes of one source; `tallies` has each pass's power."""
-
-    def __init__(
-        self,
-        sigma_t: NDArray[np.float32],
-        sigma_s: NDArray[np.float32],
-        source: PhotonSource,
-        *,
-        g: float = 0.0,
-        affine: NDArray[np.float64] = AFFINE,
-        photons: int = 10_000,
-        unscattered: bool = True,
-        moments: int = 1,
-    ) -> None:
-        self.engine = Photons(sigma_t, sigma_s, affine, g)
-        self.source, self.photons, self.unscattered = source, photons, unscattered
-        colours = self.engine.colours(source)
-        self.shape = sigma_t.shape[1:]
-        plain = (math.prod(self.shape), colours)
-        self.sums, self.deviations = np.zeros(plain, np.float32), np.zeros(plain, np.float32)
-        self.higher = self.wraps = None
-        if moments > 1:
-            shape = (plain[0], moments - 1, colours)
-            self.higher, self.wraps = np.zeros(shape, np.int32), np.zeros(shape, np.int32)
-        self.tallies: list[dict[str, object]] = []
-
-    def add(self, *passes: int, seed: int = 1, threads: int = 0) -> Run:
-        for index in passes:
-            self.tallies.append(
-                self.engine.run(
-                    self.source, self.sums, self.deviations, self.higher, self.wraps,
-                    seed=seed, pass_index=index, photons=self.photons,
-                    unscattered=self.unscattered, threads=threads,
-                )
-            )  # fmt: skip
-        return self
-
-    def unit(self) -> float:
-        return self.engine.deposit_unit(self.source, self.unscattered) / self.photons
-
-    def moments(self) -> NDArray[np.float64]:
-        """Sums of all moments, [voxels, moments, colours]."""
-        first = self.sums[:, None].astype(np.float64)
-        if self.higher is None or self.wraps is None:
-            return first
-        higher = (self.higher + self.wraps * 2.0**32) * native.higher_unit
-        return np.concatenate([first, higher], axis=1)
-
-    def replicates(self, count: int, seed: int = 1) -> NDArray[np.float64]:
-        """In-scattered radiance of independent passes, [count, voxels, moments, colours]."""
-        found = []
-        for index in range(count):
-            for array in (self.sums, self.higher, self.wraps):
-                if array is not None:
-                    array[:] = 0
-            self.add(index, seed=seed)
-            found.append(self.moments() * self.unit())
-        return np.array(found)
-
-
-def z_scores(replicates: NDArray[np.float64], truth: NDArray[np.float64] | float) -> NDArray:
-    """Deviations of the mean of replicates [r, ...] from the truth in standard errors."""
-    error = replicates.std(axis=0, ddof=1) / math.sqrt(len(replicates))
-    return np.asarray((replicates.mean(axis=0) - truth) / error)
-
+from volillum_native import PhotonSource
 
 # z of t distributions with 23 degrees of freedom: 6.5 is one in a million, and below 2000 voxels
 # are tested at a time; the mean over all voxels at 4.5: one in 6000.
@@ -267,74 +189,6 @@ def test_standard_errors_are_calibrated() -> None:
     assert abs(ratio.mean() - 1) < 3 * 0.071
 
 
-@pytest.mark.parametrize("channels", [1, 3])
-def test_threads_change_no_bit(channels: int) -> None:
-    """Also where 32-bit sums overflow: one voxel takes all of 40,000 photons."""
-    for sigma_t in (random_medium(channels=channels), np.full((channels, 1, 1, 1), 9, np.float32)):
-        prints = []
-        for threads in (1, 2, 3):
-            run = Run(sigma_t, sigma_t * np.float32(0.9), PhotonSource.environment(),
-                      photons=40_000, moments=9)  # fmt: skip
-            run.add(0, 1, threads=threads)
-            prints.append((run.moments().tobytes(), run.deviations.tobytes(), run.tallies))
-        assert prints[0] == prints[1] == prints[2]
-        assert run.moments()[:, 1:].any()
-
-
-def test_overflowing_sums_are_carried() -> None:
-    """A voxel of 10^5 photons holds far more than 32 bits, and the right mean."""
-    sigma_t = np.full((1, 1, 1, 1), 0.5, np.float32)
-    run = Run(sigma_t, sigma_t, PhotonSource.environment(), photons=100_000)
-    run.add(0, threads=1)
-    assert run.sums[0, 0] > 2**32
-    # One photon's track through the box has a relative deviation below 1.
-    assert run.sums[0, 0] * run.unit() == pytest.approx(1.0, abs=5 / math.sqrt(100_000))
-
-
-def test_overflowing_higher_moments_are_carried() -> None:
-    """One direction, one voxel: sqrt(4 pi) Y_lm times the fluence."""
-    from volillum_addon.core import harmonics
-
-    toward = np.array([0.6, 0.0, 0.8])
-    sigma_t = np.zeros((1, 1, 1, 1), np.float32)
-    source = PhotonSource.distant(toward, 1.0)
-    run = Run(sigma_t, sigma_t, source, photons=1_000_000, moments=9)
-    run.add(0, 1)
-    assert run.wraps is not None
-    assert run.wraps.any()
-    found = run.moments()[0, :, 0]
-    expected = math.sqrt(4 * math.pi) * harmonics.evaluate(toward[None])[0, : harmonics.count(2)]
-    # Each of the photons is rounded to some 1e-5 of a voxel's diagonal.
-    assert found / found[0] == pytest.approx(expected, abs=1e-5)
-
-
-@pytest.mark.parametrize("started", [False, True], ids=["at once", "half way"])
-def test_a_cancelled_pass_leaves_nothing(started: bool) -> None:
-    sigma_t = random_medium()
-    run = Run(sigma_t, sigma_t, PhotonSource.environment(), moments=9).add(0)
-    before = run.moments()
-    control = native.Control()
-
-    def cancel() -> None:
-        while started and control.progress < 0.1:
-            time.sleep(1e-4)
-        control.cancel()
-
-    watcher = threading.Thread(target=cancel)
-    watcher.start()
-    if not started:
-        watcher.join()
-    with pytest.raises(native.Cancelled):
-        run.engine.run(run.source, run.sums, run.deviations, run.higher, run.wraps, seed=1,
-                       pass_index=1, photons=1_000_000, unscattered=True,
-                       control=control)  # fmt: skip
-    watcher.join()
-    assert (control.progress > 0) == started
-    assert np.array_equal(run.moments(), before)
-    again = Run(sigma_t, sigma_t, PhotonSource.environment(), moments=9).add(0, 1)
-    assert np.array_equal(run.add(1).moments(), again.moments())
-
-
 def test_an_opaque_medium_is_bounded() -> None:
     """Optical depth 1e6 a voxel: nothing but the surface is lit, and no voxel beyond the sky."""
     sigma_t = np.full((1, 6, 6, 6), 1e7, np.float32)
@@ -343,49 +197,3 @@ def test_an_opaque_medium_is_bounded() -> None:
     assert np.all(np.isfinite(found))
     assert found.mean(axis=0).max() < 1.1
     assert found[:, -1].max() == 0  # a voxel of the far corner is dark: its border box is inside
-
-
-@pytest.mark.parametrize("channels", [1, 3])
-def test_transmittance_to_a_point(channels: int) -> None:
-    """Against the judge's optical depth along the same segments."""
-    sigma_t = random_medium(5, channels)
-    target = (AFFINE @ np.array([7.3, 1.2, -4.0, 1.0]))[:3]
-    found = native.transmittance_to(sigma_t, AFFINE, target)
-    index = np.argwhere(np.ones(sigma_t.shape[1:])).astype(np.float64)
-    origins = index @ AFFINE[:3, :3].T + AFFINE[:3, 3]
-    away = target - origins
-    distance = np.linalg.norm(away, axis=1)
-    for voxel in range(0, len(origins), 7):
-        depth = native.exact_optical_depth(
-            sigma_t, AFFINE, origins[voxel : voxel + 1],
-            away[voxel : voxel + 1] / distance[voxel], radius=float(distance[voxel]),
-        )  # fmt: skip
-        place = tuple(index[voxel].astype(int))
-        assert np.allclose(found[(slice(None), *place)], np.exp(-depth[0]), rtol=1e-5, atol=1e-30)
-
-
-def test_bad_input_is_refused_in_plain_words() -> None:
-    sigma_t = random_medium()
-    run = Run(sigma_t, sigma_t, PhotonSource.environment())
-    with pytest.raises(ValueError, match="photons is 0; expected 1 to 100000000"):
-        run.engine.run(run.source, run.sums, run.deviations, seed=0, pass_index=0, photons=0)
-    with pytest.raises(ValueError, match="sums has shape"):
-        run.engine.run(run.source, run.sums[1:], run.deviations, seed=0, pass_index=0, photons=1)
-    with pytest.raises(ValueError, match="g is 1"):
-        Photons(sigma_t, sigma_t, AFFINE, 1.0)
-    with pytest.raises(ValueError, match="expected a positive number"):
-        PhotonSource.image(np.zeros((2, 4, 3)), np.eye(3))
-    with pytest.raises(ValueError, match="direction has length 2"):
-        PhotonSource.distant(np.array([2.0, 0, 0]), 1.0)
-
-
-def test_a_photon_that_scatters_without_end_is_given_up() -> None:
-    """White and 1e6 deep: the work is bounded, and what is left out is in the balance."""
-    sigma = np.full((1, 3, 3, 3), 1e6, np.float32)
-    run = Run(sigma, sigma, PhotonSource.environment(), photons=500).add(0)
-    tally = run.tallies[0]
-    assert tally["endless"] > 0
-    assert tally["scatterings"] <= run.photons * (native.most_scatterings + 1)
-    spent = sum(tally[name][0] for name in ("missed", "absorbed", "roulette", "given_up"))
-    assert tally["emitted"][0] == spent + sum(face[0] for face in tally["escaped"])
-    assert 0 < tally["given_up"][0] <= tally["emitted"][0]
