@@ -11,7 +11,8 @@ import bpy
 import pytest
 from plumes import write_plume
 
-from volillum_addon.blender import places, showing, stage, staleness, work
+from volillum_addon.blender import places, scene_presets, showing, stage, staleness, work
+from volillum_addon.blender.scene_builder import save_scene
 from volillum_addon.core.errors import InputError
 from volillum_addon.readers.frames import VolumeFiles
 
@@ -24,7 +25,7 @@ def project(extension: None, tmp_path: Path) -> Iterator[Path]:
     folder = tmp_path / "project"
     folder.mkdir()
     path = folder / "plume.blend"
-    work.make_scene(VolumeFiles(write_plume(folder / "plume.vdb")), "default", path)
+    save_scene(VolumeFiles(write_plume(folder / "plume.vdb")), scene_presets.load("default"), path)
     bpy.ops.wm.open_mainfile(filepath=str(path))
     settings = bpy.context.scene.volillum
     settings.model = "multidirectional_occlusion"

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from plumes import write_plume
 
-from volillum_addon.blender import staleness, transfer, work
+from volillum_addon.blender import scene_presets, staleness, transfer, work
+from volillum_addon.blender.scene_builder import save_scene
 from volillum_addon.readers.frames import VolumeFiles
 
 # A script's call leaves no step to undo unless it asks for one, as a button's does.
@@ -20,7 +21,9 @@ OLDER = "An older bake is shown: Baked, beside Scattering, shows the new one"
 def file(extension: None, tmp_path: Path) -> Path:
     """An open .blend, its settings made; undo replaces all data, so nothing of it is kept."""
     path = tmp_path / "plume.blend"
-    work.make_scene(VolumeFiles(write_plume(tmp_path / "plume.vdb")), "default", path)
+    save_scene(
+        VolumeFiles(write_plume(tmp_path / "plume.vdb")), scene_presets.load("default"), path
+    )
     bpy.ops.wm.open_mainfile(filepath=str(path))
     settings().multidirectional_occlusion.directions = settings().spherical_harmonics.directions = 8
     set_model("multidirectional_occlusion")

@@ -45,6 +45,7 @@ def test_the_same_light_from_fewer_coefficients(medium: Medium, lights: str) -> 
     assert len(coefficients(lit)) == count
     # One coefficient is summed in another order than several.
     assert np.allclose(coefficients(every)[:count], coefficients(lit), rtol=1e-6, atol=2e-6)
+    # A dark band's coefficients are below 1e-4 of all, and so is what they add.
     found, expected = (each.in_scattered().values for each in (lit, every))
     assert np.allclose(found, expected, rtol=0, atol=2e-4 * expected.max())
 

@@ -78,6 +78,7 @@ def test_the_same_image(case: str, medium: Medium) -> None:
     expected, _ = line_integral(whole, camera, WIDTH, HEIGHT)
     found, _ = line_integral(seen, camera, WIDTH, HEIGHT)
     assert expected.min() > 0  # matter fills the view
+    # Sums of positive terms in float32, each rounded otherwise where rows end elsewhere.
     assert np.allclose(found, expected, rtol=2e-6, atol=0)
     wanted = replace(scene, seen_only=True).trimmed(VOID_MARGIN).wanted
     assert wanted is not None

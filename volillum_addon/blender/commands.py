@@ -24,7 +24,8 @@ from .terminal import quiet, watched
 with quiet():
     import bpy
 
-    from . import animation, comparing, properties, transfer, work
+    from . import animation, comparing, properties, scene_presets, transfer, work
+    from .scene_builder import save_scene
 
 DEMO_VOLUME = PRESETS / "volumes" / "smoke.vdb"
 DEMO_PRESET = "smoke"
@@ -70,7 +71,7 @@ def make_scene(
 ) -> str:
     """Make the scene; the file's path."""
     with quiet(), settings_readable(), watched(f"making {target.name}") as control:
-        work.make_scene(files, preset, target, grid, imported, control)
+        save_scene(files, scene_presets.load(preset), target, grid, imported, control)
     return str(target)
 
 

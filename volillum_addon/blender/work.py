@@ -17,9 +17,7 @@ from ..core.control import Control
 from ..core.errors import InputError
 from ..models.model import Value
 from ..models.registry import models
-from ..readers.frames import VolumeFiles
-from ..readers.matter import Imported
-from . import scene_presets, stage, staleness
+from . import stage, staleness
 from .medium_reader import MediumSettings
 from .places import relative
 from .properties import chosen_model, model_values
@@ -148,21 +146,6 @@ def noted_source(scene: bpy.types.Scene) -> dict[str, str]:
         raise InputError(f"scene {scene.name!r} names no volume; expected one volume object")
     evaluate(scene, volume)
     return staleness.source(scene.volillum, volume)
-
-
-def make_scene(
-    files: VolumeFiles,
-    preset: str,
-    target: Path,
-    grid: str | None = None,
-    imported: Imported | None = None,
-    control: Control | None = None,
-) -> None:
-    """A .blend with the volume in the preset's light, see `scene_builder.save_scene`; replaces what
-    is open in this Blender."""
-    from .scene_builder import save_scene
-
-    save_scene(files, scene_presets.load(preset), target, grid, imported, control)
 
 
 def all_models(settings: Any) -> tuple[str, ...]:

@@ -201,7 +201,9 @@ def add_moments(
             )
 
 
-def _rule_of(light: EnvironmentLight, directions: int) -> tuple[Rgb, Rgb]:
+def _rule_of(
+    light: EnvironmentLight, directions: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Directions [d, 3] and the weights of radiances in them, [d, 1 or 3]."""
     if _is_lit_image(light):
         vectors, weights = image_rule(light, directions)
