@@ -51,6 +51,26 @@ def test_planes_of_a_vector_grid_are_its_channels() -> None:
     assert np.array_equal(planes[1], values[..., 1].astype(np.float32))
 
 
+@pytest.mark.parametrize("channels", [1, 3])
+def test_planes_become_a_grid_without_a_copy(channels: int) -> None:
+    planes = np.random.default_rng(3).random((channels, 2, 3, 4), dtype=np.float32)
+    found = grid(np.ones((2, 3, 4))).with_planes(planes, "light")
+    assert found.name == "light"
+    assert found.shape == (2, 3, 4)
+    assert found.channels == channels
+    assert np.array_equal(found.values[1, 2, 3], planes[:, 1, 2, 3].squeeze())
+    assert np.shares_memory(found.values, planes)
+    assert np.shares_memory(found.planes(), planes)
+
+
+def test_a_crop_of_colours_lies_in_planes() -> None:
+    values = np.random.default_rng(4).random((4, 3, 5, 3))
+    part = grid(values).crop((1, -1, 0), (3, 4, 5))
+    assert np.array_equal(part.values[:, 1:4], values[1:3].astype(np.float32))
+    assert not part.values[:, [0, 4]].any()
+    assert np.shares_memory(part.planes(), part.values)
+
+
 @pytest.mark.parametrize(
     ("values", "affine", "message"),
     [

@@ -24,8 +24,8 @@ def test_furnace(albedo: float, g: float) -> None:
     sigma_s = sigma_t * np.float32(albedo)
     total = Run(sigma_t, sigma_s, PhotonSource.environment(), g=g).replicates(REPLICATES)
     if albedo < 1:
-        glow = np.repeat((sigma_t - sigma_s)[0, ..., None].astype(np.float64), 3, -1)
-        total += Run(sigma_t, sigma_s, PhotonSource.emission(glow), g=g).replicates(REPLICATES, 2)
+        glow = PhotonSource.emission(sigma_t - sigma_s)
+        total += Run(sigma_t, sigma_s, glow, g=g).replicates(REPLICATES, 2)
     assert np.abs(z_scores(total, 1.0)).max() < EACH
     assert abs(z_scores(total.mean(axis=1), 1.0)) < MEAN
 

@@ -129,7 +129,7 @@ def to_vdb(grid: Grid, name: str, half: bool = False) -> Any:
     kind = openvdb().Vec3SGrid if grid.channels == 3 else openvdb().FloatGrid
     result = kind()
     result.name = name
-    result.copyFromArray(grid.values)
+    result.copyFromArray(np.ascontiguousarray(grid.values))
     result.transform = openvdb().createLinearTransform(grid.index_to_world.T.tolist())
     result.saveFloatAsHalf = half
     return result

@@ -21,7 +21,8 @@ Region = tuple[tuple[int, int, int], tuple[int, int, int]]
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Values on a lattice, [i, j, k] or [i, j, k, 3], C-contiguous float32.
+    """Values on a lattice, [i, j, k] or [i, j, k, 3], float32. In memory they lie in this order, or
+    plane by plane, a colour after the other (`with_planes`): so kernels take them without a copy.
 
     `index_to_world` is a 4 x 4 affine (columns are world vectors of the index axes, then the world
     position of voxel (0, 0, 0)); voxel centres lie at integer indices. Between voxels the field is
@@ -35,18 +36,13 @@ class Grid:
     name: str = "grid"
 
     def __post_init__(self) -> None:
-        values = np.ascontiguousarray(self.values, dtype=np.float32)
+        values = np.asarray(self.values, dtype=np.float32)
+        if not _in_planes(values):
+            values = np.ascontiguousarray(values)
         if values.ndim not in (3, 4) or (values.ndim == 4 and values.shape[3] != 3):
             raise bad(f"{self.name}'s shape", values.shape, "(i, j, k) or (i, j, k, 3)")
         if values.size == 0:
             raise bad(f"{self.name}'s shape", values.shape, "at least one voxel")
-        finite = np.isfinite(values)
-        if not finite.all():
-            kind = "NaN" if np.isnan(values).any() else "infinite"
-            wrong = np.isnan(values) if kind == "NaN" else ~finite
-            raise bad_voxels(
-                self.name, kind, wrong.reshape(*values.shape[:3], -1).any(-1), "finite values"
-            )
         affine = np.array(self.index_to_world, dtype=np.float64)
         if affine.shape != (4, 4) or not np.all(np.isfinite(affine)):
             raise bad(f"{self.name}'s transform", affine.tolist(), "a finite 4 x 4 matrix")
@@ -59,6 +55,12 @@ class Grid:
                 f"{self.name}'s transform", np.round(linear, 6).tolist(), "an invertible matrix"
             )
         object.__setattr__(self, "values", values)
+        if not all(np.isfinite(values[slab]).all() for slab in self.slabs()):
+            nan = np.isnan(values)
+            kind, wrong = ("NaN", nan) if nan.any() else ("infinite", np.isinf(values))
+            raise bad_voxels(
+                self.name, kind, wrong.reshape(*self.shape, -1).any(-1), "finite values"
+            )
         object.__setattr__(self, "index_to_world", affine)
 
     @property
@@ -80,7 +82,8 @@ class Grid:
         return 1 if self.values.ndim == 3 else 3
 
     def planes(self) -> NDArray[np.float32]:
-        """The values as [channels, i, j, k], contiguous: what the kernels take."""
+        """The values as [channels, i, j, k], contiguous: what the kernels take. A copy only where
+        colours are interleaved in memory."""
         if self.values.ndim == 3:
             return self.values[None]
         return np.ascontiguousarray(np.moveaxis(self.values, -1, 0))
@@ -88,6 +91,10 @@ class Grid:
     def with_values(self, values: NDArray[np.float32], name: str | None = None) -> Grid:
         """Other values on the same lattice."""
         return Grid(values, self.index_to_world, self.name if name is None else name)
+
+    def with_planes(self, planes: NDArray[np.float32], name: str | None = None) -> Grid:
+        """Other values on the same lattice, [1 or 3, i, j, k]: not copied."""
+        return self.with_values(_values_of(planes), name)
 
     def same_lattice(self, other: Grid) -> bool:
         """Whether both have their voxels in the same places (to 1e-6 voxels)."""
@@ -123,18 +130,27 @@ class Grid:
         """The box [low, high) of indices; it may reach beyond the grid, where values are 0."""
         if (low, high) == ((0, 0, 0), self.shape):
             return self
-        values = np.zeros(
-            (*(h - lo for lo, h in zip(low, high, strict=True)), *self.values.shape[3:]), np.float32
-        )
+        shape = tuple(h - lo for lo, h in zip(low, high, strict=True))
+        planes = np.zeros((self.channels, *shape), np.float32)
         source, target = [], []
         for lo, hi, n in zip(low, high, self.shape, strict=True):
             a, b = max(lo, 0), min(hi, n)
             source.append(slice(a, max(a, b)))
             target.append(slice(a - lo, max(a, b) - lo))
+        values = _values_of(planes)
         values[tuple(target)] = self.values[tuple(source)]
         affine = self.index_to_world.copy()
         affine[:3, 3] = self.to_world(np.array(low, dtype=np.float64))
         return Grid(values, affine, self.name)
+
+
+def _in_planes(values: NDArray[np.float32]) -> bool:
+    return values.ndim == 4 and bool(np.moveaxis(values, -1, 0).flags.c_contiguous)
+
+
+def _values_of(planes: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Planes [1 or 3, i, j, k] as [i, j, k] or [i, j, k, 3], not copied."""
+    return planes[0] if len(planes) == 1 else np.moveaxis(planes, 0, -1)
 
 
 def occupied(values: NDArray[np.float32]) -> NDArray[np.bool_]:

@@ -6,13 +6,15 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from .errors import InputError, bad, bad_voxels, colour, number
 from .grid import Grid, active_box
 
 # float32 rounding of sigma_s / sigma_t for an albedo of exactly 1.
 ALBEDO_SLACK = 1e-5
+# What rounding may leave of numbers that are too small for float32's full precision.
+LEAST = np.float32(1e-30)
 # Channels that differ by less than this share of the largest are one channel (float32 rounding).
 GREY_SLACK = 1e-6
 # A larger anisotropy is a delta function in float32.
@@ -42,24 +44,23 @@ class Medium:
         for name, grid in grids.items():
             if not isinstance(grid, Grid):
                 raise TypeError(f"{name} is a {type(grid).__name__}; expected a Grid")
-            negative = grid.values < 0
-            if negative.any():
-                wrong = negative.reshape(*grid.shape, -1).any(-1)
+            if any((grid.values[slab] < 0).any() for slab in grid.slabs()):
+                wrong = (grid.values < 0).reshape(*grid.shape, -1).any(-1)
                 raise bad_voxels(grid.name, "negative", wrong, "values of at least 0")
             if not grid.same_lattice(self.sigma_t):
                 raise bad(f"{name}'s lattice", f"{grid.shape}", f"sigma_t's, {self.sigma_t.shape}")
-        sigma_t, sigma_s = self.sigma_t.values, self.sigma_s.values
-        if sigma_t.ndim != sigma_s.ndim:
-            sigma_t = sigma_t if sigma_t.ndim == 4 else sigma_t[..., None]
-            sigma_s = sigma_s if sigma_s.ndim == 4 else sigma_s[..., None]
-        above = sigma_s > sigma_t * (1 + ALBEDO_SLACK) + np.float32(1e-30)
-        if above.any():
+        if any(self._scatters_too_much(slab).any() for slab in self.sigma_t.slabs()):
             raise bad_voxels(
-                "sigma_s",
-                "above sigma_t",
-                above.reshape(*self.sigma_t.shape, -1).any(-1),
-                "at most sigma_t",
+                "sigma_s", "above sigma_t", self._scatters_too_much(slice(None)), "at most sigma_t"
             )
+
+    def _scatters_too_much(self, slab: slice) -> NDArray[np.bool_]:
+        """[slab, j, k]: whether some channel scatters more than is extinguished."""
+        wrong = np.zeros(self.sigma_t.values[slab].shape[:3], bool)
+        for channel in range(max(self.sigma_t.channels, self.sigma_s.channels)):
+            extinction = _channel(self.sigma_t, channel)[slab]
+            wrong |= _channel(self.sigma_s, channel)[slab] > extinction * (1 + ALBEDO_SLACK) + LEAST
+        return wrong
 
     @classmethod
     def from_density(
@@ -88,39 +89,34 @@ class Medium:
     def constant_albedo(self) -> np.ndarray | None:
         """RGB float64 albedo when sigma_s is one constant times sigma_t, otherwise None. Looked for
         once, in every voxel."""
-        sigma_t = np.atleast_1d(self.sigma_t.values.max(axis=(0, 1, 2)).astype(np.float64))
-        sigma_s = np.atleast_1d(self.sigma_s.values.max(axis=(0, 1, 2)).astype(np.float64))
+        sigma_t, sigma_s = (_largest(grid) for grid in (self.sigma_t, self.sigma_s))
         albedo = np.divide(sigma_s, sigma_t, out=np.zeros(np.broadcast(sigma_s, sigma_t).shape),
                            where=sigma_t > 0)  # fmt: skip
-        wide_t = self.sigma_t.values if self.channels == 3 else self.sigma_t.values[..., None]
-        wide_s = (
-            self.sigma_s.values if self.sigma_s.channels == 3 else self.sigma_s.values[..., None]
-        )
-        expected = wide_t * albedo.astype(np.float32)
-        tolerance = np.float32(ALBEDO_SLACK) * wide_t
-        if np.all(np.abs(wide_s - expected) <= tolerance + np.float32(1e-30)):
-            constant = np.broadcast_to(albedo, (3,)).copy()
-            constant.setflags(write=False)
-            return constant
-        return None
+        for slab in self.sigma_t.slabs():
+            for channel, share in enumerate(albedo):
+                extinction = _channel(self.sigma_t, channel)[slab]
+                scattering = _channel(self.sigma_s, channel)[slab]
+                if not _agree(scattering, np.float32(share) * extinction, extinction):
+                    return None
+        constant = np.broadcast_to(albedo, (3,)).copy()
+        constant.setflags(write=False)
+        return constant
 
     @property
     def extinction_colour(self) -> np.ndarray | None:
         """RGB float64, 1 at its largest, when sigma_t is one field times this, otherwise None."""
         if self.channels == 1:
             return np.ones(3)
-        values = self.sigma_t.values
-        largest = values.max(axis=(0, 1, 2)).astype(np.float64)
+        largest = _largest(self.sigma_t)
         strongest = int(largest.argmax())
         if largest[strongest] == 0:
             return np.ones(3)
         shares = largest / largest[strongest]
-        field = values[..., strongest]
-        for channel in range(3):
-            share = np.float32(shares[channel])
-            error = np.abs(values[..., channel] - share * field)
-            if np.any(error > np.float32(ALBEDO_SLACK) * share * field + np.float32(1e-30)):
-                return None
+        for slab in self.sigma_t.slabs():
+            field = _channel(self.sigma_t, strongest)[slab]
+            for channel, share in enumerate(shares.astype(np.float32)):
+                if not _agree(_channel(self.sigma_t, channel)[slab], share * field, share * field):
+                    return None
         return np.asarray(shares)
 
     def trimmed(self, margin: int) -> Medium:
@@ -151,6 +147,23 @@ def _scaled(density: Grid, scale: np.ndarray) -> Grid:
         return density.with_values(density.values * np.float32(scale[0]))
     wide = density.values if density.channels == 3 else density.values[..., None]
     return density.with_values(wide * scale.astype(np.float32))
+
+
+def _channel(grid: Grid, channel: int) -> NDArray[np.float32]:
+    """One of the grid's channels, [i, j, k]; a scalar grid's only one."""
+    return grid.values if grid.channels == 1 else grid.values[..., channel]
+
+
+def _largest(grid: Grid) -> NDArray[np.float64]:
+    """The largest value of each channel."""
+    return np.array([_channel(grid, channel).max() for channel in range(grid.channels)], np.float64)
+
+
+def _agree(
+    values: NDArray[np.float32], expected: NDArray[np.float32], size: NDArray[np.float32]
+) -> bool:
+    """Whether the values are the expected ones but for rounding, which is in proportion to size."""
+    return bool(np.all(np.abs(values - expected) <= np.float32(ALBEDO_SLACK) * size + LEAST))
 
 
 def _one_channel(grid: Grid) -> Grid:

@@ -34,7 +34,6 @@ from ..core.lights import Light
 from ..core.medium import Medium
 from ..core.native import native
 from ..core.scene import Scene
-from .engines import channels_of
 from .model import Model, Need, Parameter, Value, Values
 from .operator import Operator, brightness
 from .volume import Factor, RadianceTerm
@@ -77,16 +76,16 @@ def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
     wide = bleeds and albedo is None
     with control.stage(0.0, 0.5 if wide else 1.0, "summing occlusion"):
         planes = _sums(row, lattice, lattice.planes(), wanted, control, length, True)
-        channels = {"openness": channels_of(lattice, planes, "openness")}
+        channels = {"openness": lattice.with_planes(planes, "openness")}
     if albedo is not None:
         # One albedo: its mean over neighbours needs no convolution of its own.
         colour = albedo[:1] if np.ptp(albedo) == 0 and len(planes) == 1 else albedo
         bleeding = (1 - planes) * colour.astype(np.float32)[:, None, None, None]
-        channels["bleeding"] = channels_of(lattice, bleeding, "bleeding")
+        channels["bleeding"] = lattice.with_planes(bleeding, "bleeding")
     elif bleeds:
         with control.stage(0.5, 1.0, "summing colour"):
             planes = _sums(row, lattice, _colours(medium, length), wanted, control)
-            channels["bleeding"] = channels_of(lattice, planes, "bleeding")
+            channels["bleeding"] = lattice.with_planes(planes, "bleeding")
     return channels
 
 

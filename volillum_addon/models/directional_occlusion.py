@@ -21,7 +21,7 @@ from ..core.grid import Grid
 from ..core.lights import Light
 from ..core.medium import Medium
 from ..core.scene import Scene
-from .engines import channels_of, sweep
+from .engines import sweep
 from .local_cone import local_cones, visibility
 from .model import Model, Need, Values
 from .operator import Operator, brightness
@@ -48,20 +48,20 @@ def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
     if is_published(values):
         eye = None if camera.orthographic else camera.eye
         planes = blurred_slices(scene.medium, -camera.forward, values, control, eye)
-        return {"visibility": channels_of(sigma_t, planes, "visibility")}
+        return {"visibility": sigma_t.with_planes(planes, "visibility")}
     if camera.orthographic:
         vectors, weights = cone_rule(theta, count)
         planes = sweep(
             sigma_t, about(vectors, -camera.forward), weights[:, None], near, control,
             wanted=scene.wanted,
         )  # fmt: skip
-        return {"visibility": channels_of(sigma_t, planes[:, 0], "visibility")}
+        return {"visibility": sigma_t.with_planes(planes[:, 0], "visibility")}
     cones = local_cones(
         sigma_t, camera.eye, theta, count, "the camera",
         "move the camera away, widen theta, or take an orthographic camera",
     )  # fmt: skip
     planes = visibility(sigma_t, cones, near, control, wanted=scene.wanted)
-    return {"visibility": channels_of(sigma_t, planes, "visibility")}
+    return {"visibility": sigma_t.with_planes(planes, "visibility")}
 
 
 def radiance(lights: tuple[Light, ...], medium: Medium, values: Values) -> tuple[RadianceTerm, ...]:

@@ -11,9 +11,6 @@ from ..core.control import Control
 from ..core.grid import Grid, Region
 from ..core.native import native
 
-# Voxels that are interleaved at a time: they stay in the second-level cache.
-INTERLEAVED = 1 << 15
-
 
 def sweep(
     sigma_t: Grid,
@@ -26,46 +23,24 @@ def sweep(
 ) -> NDArray[np.float32]:
     """Weighted sums of transmittance, [extinction channels, c, i, j, k], for weights [d, c]; 0
     where they are not wanted."""
-    result = []
+    weights = np.ascontiguousarray(weights, dtype=np.float32)
+    # All extinctions of one sum together, which becomes a grid.
+    make = np.empty if wanted is None else np.zeros
+    result = make((weights.shape[1], sigma_t.channels, *sigma_t.shape), np.float32)
     for index, plane in enumerate(sigma_t.planes()):
         with control.stage(index / sigma_t.channels, (index + 1) / sigma_t.channels, "sweeping"):
-            result.append(
-                native.sweep(
-                    plane,
-                    sigma_t.index_to_world,
-                    np.ascontiguousarray(directions),
-                    np.ascontiguousarray(weights, dtype=np.float32),
-                    radius=radius,
-                    near_slices=near,
-                    wanted=wanted,
-                    control=control.native,
-                )
+            native.sweep(
+                plane,
+                sigma_t.index_to_world,
+                np.ascontiguousarray(directions),
+                weights,
+                radius=radius,
+                near_slices=near,
+                wanted=wanted,
+                control=control.native,
+                out=result[:, index],
             )
-    # One colour is not copied: coefficients may be the largest thing that a bake holds.
-    return result[0][None] if len(result) == 1 else np.stack(result)
-
-
-def channels_of(lattice: Grid, planes: NDArray[np.float32], name: str) -> Grid:
-    """Planes [1 or 3, i, j, k] as a scalar or vector grid."""
-    if len(planes) == 1:
-        return lattice.with_values(planes[0], name)
-    return lattice.with_values(np.ascontiguousarray(np.moveaxis(planes, 0, -1)), name)
-
-
-def interleaved(planes: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Contiguous planes [n, i, j, k] as [i, j, k, n], in the same memory and that of one plane:
-    channels may be the largest thing that a bake holds."""
-    flat, voxels = planes.reshape(-1), planes[0].size
-    # From the last: a plane goes between the rows behind it, which are read before they are passed.
-    for first in reversed(range(len(planes) - 1)):
-        plane = flat[first * voxels : (first + 1) * voxels].copy()
-        behind = flat[(first + 1) * voxels :].reshape(voxels, -1)
-        rows = flat[first * voxels :].reshape(voxels, -1)
-        for begin in range(0, voxels, INTERLEAVED):
-            part = slice(begin, begin + INTERLEAVED)
-            rows[part, 1:] = behind[part].copy()
-            rows[part, 0] = plane[part]
-    return planes.reshape(*planes.shape[1:], len(planes))
+    return result.swapaxes(0, 1)
 
 
 def falloff(grid: Grid, position: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -31,7 +31,7 @@ from ..core.lights import DistantLight, Light, PointLight
 from ..core.medium import Medium
 from ..core.native import native
 from ..core.scene import Scene
-from .engines import channels_of, falloff, sweep
+from .engines import falloff, sweep
 from .local_cone import local_cones, node_spacing, visibility
 from .model import Model, Need, Parameter, Values
 from .operator import Operator
@@ -65,7 +65,7 @@ def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
                 planes = light_of_lamp(scene.medium, light, values, control)
             else:
                 planes = light_of_sun(scene.medium, light, values, control)
-        channels[name] = channels_of(scene.medium.sigma_t, planes, name)
+        channels[name] = scene.medium.sigma_t.with_planes(planes, name)
     return channels
 
 

@@ -41,7 +41,6 @@ from ..core.native import native
 from ..core.scene import Scene
 from ..core.transfer_function import TransferFunction
 from .ambient_occlusion import MODEL
-from .engines import channels_of
 from .illuminate import VOID_MARGIN
 from .volume import IlluminationVolume
 
@@ -68,7 +67,7 @@ class Histogram:
         given = np.asarray(values, np.float64)
         if given.shape not in ((len(self.centres),), (len(self.centres), 3)):
             raise bad("values' shape", given.shape, f"({len(self.centres)},) or with 3 colours")
-        return channels_of(self._lattice, _dot(given.reshape(len(given), -1), self.bins), "mean")
+        return self._lattice.with_planes(_dot(given.reshape(len(given), -1), self.bins), "mean")
 
     def illumination(
         self,
@@ -107,10 +106,10 @@ class Histogram:
         light = MODEL.represented(scene)
         radiance = MODEL.radiance(light, medium, values)
         summed = np.minimum(_dot(occlusion[:, None], self.bins), np.float32(upper))
-        channels = {"openness": channels_of(medium.sigma_t, 1 - summed, "openness")}
+        channels = {"openness": medium.sigma_t.with_planes(1 - summed, "openness")}
         if any(factor.channel == "bleeding" for term in radiance for factor in term.factors):
             glow = self._glow(occlusion, transfer.albedos(centres).astype(np.float64))
-            channels["bleeding"] = channels_of(medium.sigma_t, np.minimum(glow, upper), "bleeding")
+            channels["bleeding"] = medium.sigma_t.with_planes(np.minimum(glow, upper), "bleeding")
         return IlluminationVolume(
             MODEL.id, values, medium, channels, radiance, notes=self._notes(transfer)
         )

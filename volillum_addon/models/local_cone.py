@@ -129,7 +129,7 @@ class Part:
     lamp: NDArray[np.float64] | None
 
     def before_lamp(self, grid: Grid, plane: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The values that the rays see."""
+        """The values [..., i, j, k] that the rays see."""
         if self.lamp is None:
             return plane
         return _before_plane(grid, plane, self.lamp, self.directions[0])

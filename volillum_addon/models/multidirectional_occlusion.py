@@ -24,7 +24,7 @@ from ..core.grid import Grid, Region
 from ..core.lights import DistantLight, Light, PointLight
 from ..core.medium import Medium
 from ..core.scene import Scene
-from .engines import channels_of, falloff, sweep
+from .engines import falloff, sweep
 from .local_cone import local_cones, node_spacing, visibility
 from .model import Model, Need, Values
 from .operator import Operator
@@ -51,7 +51,7 @@ def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
                 planes = lamp_visibility(scene.medium, light, values, control, scene.wanted)
             else:
                 planes = sun_visibility(scene.medium, light, values, control, scene.wanted)
-        channels[name] = channels_of(sigma_t, planes, name)
+        channels[name] = sigma_t.with_planes(planes, name)
     return channels
 
 

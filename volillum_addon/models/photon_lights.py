@@ -71,9 +71,7 @@ def source(light: Light) -> native.PhotonSource:
 
 def emission_source(emission: Grid) -> native.PhotonSource:
     """Photons from the medium's own emission."""
-    values = emission.values if emission.channels == 3 else emission.values[..., None]
-    wide = np.broadcast_to(values, (*emission.shape, 3))
-    return native.PhotonSource.emission(np.ascontiguousarray(wide, np.float64))
+    return native.PhotonSource.emission(emission.planes())
 
 
 def unit(light: Light, lattice: Grid) -> float:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-import os
-import tempfile
+import mmap
+import sys
 import time
-from hashlib import blake2b
 from pathlib import Path
 from typing import TypeGuard
 
@@ -16,19 +15,17 @@ from numpy.typing import NDArray
 from ..core.control import Control
 from ..core.errors import InputError, bad
 from ..core.grid import Grid
-from ..core.lights import EnvironmentLight, Light, light_shape
+from ..core.lights import EnvironmentLight, Light
 from ..core.native import native
 from ..core.scene import Scene
-from . import photon_kernel, photon_lights
+from . import photon_file, photon_kernel, photon_lights
 from .angular import MOMENTS
-from .engines import channels_of, interleaved
 from .model import Values
 from .photon_part import Part
 from .volume import STANDARD_ERROR
 
 # A standard error needs two passes.
 LEAST_PASSES = 2
-STATE_FORMAT = 3
 # The largest share of the scatterings that may be left out because photons are given up. One that
 # is given up would have scattered about as often again, or more.
 MOST_LEFT_OUT = 0.01
@@ -36,9 +33,15 @@ MOST_LEFT_OUT = 0.01
 PACK = 3
 
 
-def _grid(lattice: Grid, values: NDArray[np.float32], name: str) -> Grid:
-    """A grid of `values` [i, j, k, channels]."""
-    return lattice.with_values(values[..., 0] if values.shape[-1] == 1 else values, name)
+def in_small_pages(shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """An array of zeros whose memory is taken bit by bit, as it is filled: large pages, which numpy
+    asks for, are half a plane of a small grid, and many planes are begun at once."""
+    if sys.platform != "linux":
+        return np.zeros(shape, np.float32)
+    size = math.prod(shape)
+    memory = mmap.mmap(-1, 4 * size, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+    memory.madvise(mmap.MADV_NOHUGEPAGE)
+    return np.frombuffer(memory, np.float32, size).reshape(shape)
 
 
 def _has_moments(light: Light | None) -> TypeGuard[EnvironmentLight]:
@@ -193,36 +196,36 @@ class PhotonState:
         if release:
             del self._photons
         lattice = self.scene.medium.sigma_t
-        error = self._empty(1 if self._is_grey() else 3)
+        error = np.empty((1 if self._is_grey() else 3, *lattice.shape), np.float32)
         for slab in lattice.slabs():
-            error[slab] = np.sqrt(self._variance(slab))
+            error[:, slab] = np.moveaxis(np.sqrt(self._variance(slab)), -1, 0)
         result: dict[str, Grid] = {}
         for part in self.parts if release else []:
             part.forget("deviations")
         for index, part in enumerate(self.parts):
             suffix = f"_{index}" if index < len(self.scene.lights) else "_emitted"
             if self._moments == 1:
-                light = self._empty(part.sums.shape[1])
+                light = np.empty((part.sums.shape[1], *lattice.shape), np.float32)
                 for slab in lattice.slabs():
-                    light[slab] = self._mean(part, slab)
-                result["light" + suffix] = _grid(lattice, light, "light" + suffix)
+                    light[:, slab] = np.moveaxis(self._mean(part, slab), -1, 0)
+                result["light" + suffix] = lattice.with_planes(light, "light" + suffix)
                 for name in ("sums", "unscattered") if release else ():
                     part.forget(name)
                 continue
             if part.one_way and part.unscattered is not None:
                 name = "direct" + suffix
-                result[name] = channels_of(lattice, part.unscattered, name)
+                result[name] = lattice.with_planes(part.unscattered, name)
             with control.stage(index / len(self.parts), (index + 1) / len(self.parts), "moments"):
-                for name, values in self._packs(part, control, release).items():
-                    result[name + suffix] = lattice.with_values(values, name + suffix)
-        result[STANDARD_ERROR] = _grid(lattice, error, STANDARD_ERROR)
+                for name, planes in self._packs(part, control, release).items():
+                    result[name + suffix] = lattice.with_planes(planes, name + suffix)
+        result[STANDARD_ERROR] = lattice.with_planes(error, STANDARD_ERROR)
         return result
 
     def _packs(self, part: Part, control: Control, release: bool) -> dict[str, NDArray[np.float32]]:
-        """Moments of what is not kept apart, [i, j, k, 3]: coloured ones in grids of their own,
+        """Moments of what is not kept apart, [3, i, j, k]: coloured ones in grids of their own,
         scalar ones three to a grid."""
         lattice, colours = self.scene.medium.sigma_t, part.sums.shape[1]
-        planes = np.empty((self._moments * colours, *lattice.shape), np.float32)
+        planes = in_small_pages((self._moments * colours, *lattice.shape))
         # From the end, so that what has been read can be given back.
         for slab in reversed(list(lattice.slabs())):
             for moment in range(self._moments):
@@ -237,13 +240,9 @@ class PhotonState:
             )
         name = "moment" if colours == 3 else "moments"
         return {
-            f"{name}_{first // PACK}": interleaved(planes[first : first + PACK])
+            f"{name}_{first // PACK}": planes[first : first + PACK]
             for first in range(0, len(planes), PACK)
         }
-
-    def _empty(self, channels: int) -> NDArray[np.float32]:
-        """Values to be, [i, j, k, channels]."""
-        return np.empty((*self.scene.medium.sigma_t.shape, channels), np.float32)
 
     def _mean(self, part: Part, slab: slice) -> NDArray[np.float32]:
         """The mean over directions at unit strength, [slab, j, k, 1 or 3]."""
@@ -305,57 +304,11 @@ class PhotonState:
 
     def save(self, path: Path | str) -> None:
         """Write the state, whole or not at all (a temporary file, then renamed)."""
-        target = Path(path)
-        arrays: dict[str, NDArray[np.generic]] = {
-            "format": np.array(STATE_FORMAT),
-            "inputs": np.array(self._fingerprint()),
-            "passes": np.array([part.passes for part in self.parts]),
-        }
-        for index, part in enumerate(self.parts):
-            arrays |= {f"{name}_{index}": values for name, values in part.counts().items()}
-        handle, temporary = tempfile.mkstemp(dir=target.parent, suffix=".part")
-        try:
-            with os.fdopen(handle, "wb") as file:
-                np.savez(file, **arrays)  # type: ignore[arg-type]
-            Path(temporary).replace(target)
-        except BaseException:
-            Path(temporary).unlink(missing_ok=True)
-            raise
+        photon_file.write(path, self.parts, photon_file.fingerprint(self.scene, self.values))
 
     def load(self, path: Path | str) -> None:
         """Take over the counts that `save` wrote for the same scene and settings.
 
         Raises InputError for a file that is not such a state, or one of other inputs.
         """
-        try:
-            with np.load(path, allow_pickle=False) as file:
-                stored = dict(file)
-        except (OSError, ValueError, EOFError) as error:
-            raise InputError(f"{path} cannot be read ({error}); expected a saved state") from None
-        if int(stored.get("format", -1)) != STATE_FORMAT:
-            raise bad(f"{path}", "another file", "a state that this version saved")
-        if str(stored["inputs"]) != self._fingerprint():
-            raise bad(f"{path}'s inputs", "others", "this scene, photons, seed and estimate")
-        for index, part in enumerate(self.parts):
-            for name in part.counts():
-                setattr(part, name, stored[f"{name}_{index}"])
-            part.passes = int(stored["passes"][index])
-
-    def _fingerprint(self) -> str:
-        """Of all that photons depend on."""
-        digest = blake2b(digest_size=16)
-        medium = self.scene.medium
-        for grid in (medium.sigma_t, medium.sigma_s, medium.emission):
-            if grid is not None:
-                digest.update(repr(grid.values.shape).encode() + grid.index_to_world.tobytes())
-                digest.update(grid.values)
-        names = ["photons", "noise_seed", "estimate"]
-        if self._first_radius:
-            names += ["radius", "alpha"]
-        settings = [self.values[name] for name in names]
-        digest.update(repr((medium.g, settings)).encode())
-        for light in self.scene.lights:
-            digest.update(light.kind.encode())
-            for name, value in light_shape(light):
-                digest.update(name.encode() + np.asarray(value, np.float64).tobytes())
-        return digest.hexdigest()
+        photon_file.read(path, self.parts, photon_file.fingerprint(self.scene, self.values))

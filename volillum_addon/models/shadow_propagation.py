@@ -24,6 +24,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +38,7 @@ from ..core.lights import DistantLight, Light, PointLight
 from ..core.medium import Medium
 from ..core.native import native
 from ..core.scene import Scene
-from .engines import channels_of, falloff, sweep
+from .engines import falloff, sweep
 from .local_cone import local_cones, parts
 from .model import Model, Need, Parameter, Values
 from .operator import Operator
@@ -144,9 +145,9 @@ def hard_shadow(
             sigma_t, toward, np.ones((1, 1)), SHADOW_NEAR_SLICES, control, wanted=wanted
         )[:, 0]
     if len(planes) == 1:
-        return channels_of(sigma_t, planes, name)
+        return sigma_t.with_planes(planes, name)
     shares = (LUMINANCE * hue(unoccluded(light, medium))).astype(np.float32)
-    return channels_of(sigma_t, np.tensordot(shares, planes, 1)[None], name)
+    return sigma_t.with_planes(np.tensordot(shares, planes, 1)[None], name)
 
 
 def mean_hue(
@@ -166,16 +167,19 @@ def mean_hue(
     near, token = int(values["near"]), control.native
     extinction, albedo = medium.extinction_colour, medium.constant_albedo
     if extinction is None or albedo is None or medium.emission is not None:
-        planes = medium.sigma_t.planes()
-        gathered = sources(medium, radiance)
-        swept = native.mean_hue(planes, gathered, *lobe, near_slices=near, control=token)
+        tint, glow = per_luminance(radiance)
+        swept = native.mean_hue(
+            medium.sigma_t.planes(), medium.sigma_s.planes(), *lobe, colour=tint,
+            emission=medium.emission.planes() if medium.emission is not None else None,
+            emission_colour=glow, near_slices=near, control=token,
+        )  # fmt: skip
     else:
         # L = L_l (T + albedo (1 - T)): optical depth is all that a direction needs.
         strongest = medium.sigma_t.planes()[int(extinction.argmax())]
         swept = native.mean_hue_uniform(
             strongest, *lobe, extinction, albedo * hue(radiance), near_slices=near, control=token
         )
-    return channels_of(medium.sigma_t, swept, name)
+    return medium.sigma_t.with_planes(swept, name)
 
 
 def lamp_hue(medium: Medium, lamp: PointLight, values: Values, name: str, control: Control) -> Grid:
@@ -190,28 +194,27 @@ def lamp_hue(medium: Medium, lamp: PointLight, values: Values, name: str, contro
         "move the light out of the volume and away from it, or widen theta", beta=beta,
     )  # fmt: skip
     radiance = unoccluded(lamp, medium)
-    planes, gathered = lattice.planes(), sources(medium, radiance)
+    tint, glow = per_luminance(radiance)
     total = np.zeros((3, *lattice.shape), np.float32)
     for part in parts(lattice, cones, control, to_lamp=True):
-        seen, glow = (
-            np.stack([part.before_lamp(lattice, plane) for plane in each])
-            for each in (planes, gathered)
-        )
+        seen = partial(part.before_lamp, lattice)
         total += native.mean_hue(
-            seen, glow, lattice.index_to_world, part.directions, part.weights, hue(radiance),
-            node_spacing=cones.spacing, near_slices=int(values["near"]), control=control.native,
+            seen(lattice.planes()), seen(medium.sigma_s.planes()), lattice.index_to_world,
+            part.directions, part.weights, hue(radiance), colour=tint,
+            emission=seen(medium.emission.planes()) if medium.emission is not None else None,
+            emission_colour=glow, node_spacing=cones.spacing, near_slices=int(values["near"]),
+            control=control.native,
         )  # fmt: skip
-    return channels_of(lattice, total, name)
+    return lattice.with_planes(total, name)
 
 
-def sources(medium: Medium, radiance: NDArray[np.float64]) -> NDArray[np.float32]:
-    """(sigma_s L_l + sigma_a L_e) / lambda(L_l), [3, i, j, k]; a black light scatters nothing."""
+def per_luminance(
+    radiance: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """By what sigma_s and sigma_a L_e are multiplied in (sigma_s L_l + sigma_a L_e) / lambda(L_l),
+    RGB each; a black light scatters nothing."""
     scale = luminance(radiance) or 1.0
-    tint = (radiance / scale).astype(np.float32)
-    planes = medium.sigma_s.planes() * tint[:, None, None, None]
-    if medium.emission is not None:
-        planes = planes + medium.emission.planes() / np.float32(scale)
-    return np.ascontiguousarray(planes)
+    return radiance / scale, np.full(3, 1 / scale)
 
 
 def radiance(lights: tuple[Light, ...], medium: Medium, values: Values) -> tuple[RadianceTerm, ...]:

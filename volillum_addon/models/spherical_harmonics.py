@@ -25,7 +25,7 @@ from ..core.grid import Grid
 from ..core.lights import Light
 from ..core.medium import Medium
 from ..core.scene import Scene
-from .engines import interleaved, sweep
+from .engines import sweep
 from .model import Model, Need, Parameter, Values
 from .operator import Operator, highest_band, truncated_radiance
 from .published import ALGORITHM, LOCAL_RADIUS, composed_harmonics, is_published
@@ -65,14 +65,11 @@ def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
     if sigma_t.channels == 3:
         for index in range(count):
             name = f"coefficient_{index}"
-            values_rgb = np.ascontiguousarray(np.moveaxis(planes[:, index], 0, -1))
-            channels[name] = sigma_t.with_values(values_rgb, name)
+            channels[name] = sigma_t.with_planes(planes[:, index], name)
         return channels
     for first in range(0, count, PACK):
         name = f"coefficients_{first // PACK}"
-        some = planes[0, first : first + PACK]
-        values_xyz = interleaved(some) if len(some) > 1 else some[0]
-        channels[name] = sigma_t.with_values(values_xyz, name)
+        channels[name] = sigma_t.with_planes(planes[0, first : first + PACK], name)
     return channels
 
 

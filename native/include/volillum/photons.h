@@ -51,11 +51,12 @@ struct PhotonSource {
     std::array<Vec3, 2> half_axes{};  // of the area light: position +- half axes
     bool ellipse = false;
     std::size_t width = 0, height = 0;  // of the image
-    std::vector<float> colours;         // [n][3]: radiance of a pixel or voxel over its own mean
+    std::vector<float> colours;         // [n][3]: radiance of a pixel over its own mean
+    Bricks::Planes emission{};          // of the voxels, if any; the caller's
     AliasTable table;                   // of pixels (mean times solid angle) or of voxels
     std::array<Vec3, 3> rotation{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};  // world to image
 
-    bool coloured() const { return !colours.empty(); }
+    bool coloured() const { return !colours.empty() || emission.channels == 3; }
 };
 
 struct PhotonMedium {

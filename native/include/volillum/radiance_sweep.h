@@ -2,17 +2,34 @@
 // mean of its hue: what shadow volume propagation needs beside a hard shadow.
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
+
 #include "volillum/control.h"
 #include "volillum/real.h"
 #include "volillum/sweep.h"
 
 namespace volillum {
 
+// Radiance per world unit: a field times a colour.
+struct Source {
+    const Real *values = nullptr;  // null, or [channels, n0, n1, n2]
+    int channels = 0;              // 1 or 3
+    Vec3d colour{1.0, 1.0, 1.0};
+
+    // At a voxel of a field of `volume` voxels.
+    Real at(std::ptrdiff_t voxel, std::ptrdiff_t volume, int channel) const {
+        if (!values) return 0;
+        return Real(colour[std::size_t(channel)]) *
+               values[std::min(channel, channels - 1) * volume + voxel];
+    }
+};
+
 // The medium, the light and the directions: outward unit vectors in world space.
 struct RadianceScene {
-    const Real *sigma_t;      // [extinction_channels, n0, n1, n2], C-contiguous
-    int extinction_channels;  // 1 or 3
-    const Real *source;       // [3, n0, n1, n2], radiance per world unit, in units of the light's
+    const Real *sigma_t;        // [extinction_channels, n0, n1, n2], C-contiguous
+    int extinction_channels;    // 1 or 3
+    Source scattered, emitted;  // what is gathered; their sum, in units of the light's luminance
     Index3 shape;
     const double *index_to_world;  // row-major 4 x 4; only the linear part matters
     const double *directions;

@@ -123,17 +123,24 @@ PhotonSource area(nb::handle position, nb::handle direction, nb::handle half_axe
     return source;
 }
 
-PhotonSource emission(const DoubleArray &values) {
-    const auto shape = shape_of(values);
-    if (shape.size() != 4 || shape[3] != 3)
-        fail("emission has shape " + shape_text(shape) + "; expected (nx, ny, nz, 3)");
-    require_finite(values, "emission");
+PhotonSource emission(const PlanesArray &values) {
+    const Size3 shape = grid_shape(values, "emission");
     PhotonSource source;
     source.kind = Kind::emission;
-    std::vector<double> weights(values.size() / 3);
-    source.colours = colours_of(values.data(), weights.size(), weights);
-    source.table = table_of(weights);
-    source.height = weights.size();
+    source.emission = planes(values);
+    source.height = shape[0] * shape[1] * shape[2];
+    const std::size_t channels = source.emission.channels;
+    std::vector<double> means(source.height);
+    for (std::size_t i = 0; i < source.height; ++i) {
+        for (std::size_t c = 0; c < channels; ++c) {
+            const float value = source.emission.values[c * source.height + i];
+            if (!(value >= 0.0f && std::isfinite(value)))
+                fail("emission holds " + std::to_string(value) + "; expected 0 or more");
+            means[i] += double(value);
+        }
+        means[i] /= double(channels);
+    }
+    source.table = table_of(means);
     return source;
 }
 
@@ -269,8 +276,9 @@ radiance times their solid angle.)")
             "area", &area, "position"_a, "direction"_a, "half_axes"_a, "ellipse"_a,
             R"(A rectangle (position +- half axes [2, 3]) or the ellipse in it, that shines to the
 side of `direction` with one radiance; strength: intensity on the axis.)")
-        .def_static("emission", &emission, "emission"_a.noconvert(),
-                    "The medium's own emission sigma_a L_e, float64 [nx, ny, nz, 3].");
+        .def_static("emission", &emission, "emission"_a.noconvert(), nb::keep_alive<0, 1>(),
+                    "The medium's own emission sigma_a L_e, float32 [1 or 3, nx, ny, nz], kept, "
+                    "not copied.");
 
     nb::class_<Photons>(module, "Photons", R"(Photon tracing in one medium.
 

@@ -17,6 +17,7 @@ using volillum::RadianceScene;
 using volillum::RadianceSettings;
 using volillum::Real;
 using volillum::require;
+using volillum::Source;
 using volillum::SweepScene;
 using volillum::SweepSettings;
 using volillum::UniformColour;
@@ -71,9 +72,26 @@ Result three_channels(const volillum::Index3 &shape, Fill &&fill) {
     return Result(values, {3, size[0], size[1], size[2]}, owner);
 }
 
+// A field of 1 or 3 channels and, unless that is white, its colour.
+Source read_source(const AnyArray &values, const volillum::Index3 &shape, const char *name,
+                   const std::optional<AnyArray> &colour, const char *colour_name) {
+    Source source;
+    const char *expected = "[1 or 3, nx, ny, nz], sigma_t's lattice";
+    source.values = require<Real>(values, name, expected, {-1, shape[0], shape[1], shape[2]});
+    if (values.shape(0) != 1 && values.shape(0) != 3)
+        throw nb::value_error((std::string(name) + " has shape " + volillum::shape_text(values) +
+                               "; expected " + expected)
+                                  .c_str());
+    source.channels = int(values.shape(0));
+    if (colour) source.colour = read_rgb(*colour, colour_name);
+    return source;
+}
+
 Result mean_hue(const AnyArray &sigma_t, const AnyArray &source, const AnyArray &index_to_world,
                 const AnyArray &directions, const AnyArray &weights, const AnyArray &hue,
-                int node_spacing, int near_slices, int threads, Control *control) {
+                const std::optional<AnyArray> &colour, const std::optional<AnyArray> &emission,
+                const std::optional<AnyArray> &emission_colour, int node_spacing, int near_slices,
+                int threads, Control *control) {
     RadianceScene scene;
     scene.sigma_t = require<Real>(sigma_t, "sigma_t", "[1 or 3, nx, ny, nz]", {-1, -1, -1, -1});
     if (sigma_t.shape(0) != 1 && sigma_t.shape(0) != 3)
@@ -82,8 +100,10 @@ Result mean_hue(const AnyArray &sigma_t, const AnyArray &source, const AnyArray 
                                   .c_str());
     scene.extinction_channels = int(sigma_t.shape(0));
     scene.shape = read_shape(sigma_t);
-    scene.source = require<Real>(source, "source", "[3, nx, ny, nz], sigma_t's lattice",
-                                 {3, scene.shape[0], scene.shape[1], scene.shape[2]});
+    scene.scattered = read_source(source, scene.shape, "source", colour, "colour");
+    if (emission)
+        scene.emitted =
+            read_source(*emission, scene.shape, "emission", emission_colour, "emission_colour");
     read_directions(index_to_world, directions, scene);
     const Real *weight = nullptr;
     if (node_spacing < 0)
@@ -139,13 +159,15 @@ Radiance is carried along a lattice of rays, sheared to each direction, and inte
 (second order); through the first `near_slices` slices it is carried along the voxel's own ray, from
 cell to cell.
 
-sigma_t: float32 [1 or 3, nx, ny, nz] per world unit; source: float32 [3, nx, ny, nz], radiance per
-world unit in units of the light's luminance. C-contiguous, finite, not negative.
+sigma_t, source: float32 [1 or 3, nx, ny, nz] per world unit; the source is radiance in units of the
+light's luminance. C-contiguous, finite, not negative.
 index_to_world: float64 [4, 4]; any invertible affine; only its linear part matters.
 directions: float64 [d, 3], unit vectors in world space, from the voxel outward.
 weights: float32 [d]; or, with a node_spacing, [d, gi, gj, gk] at nodes every so many voxels, linear
 between them, as in sweep_weighted.
 hue: float64 [3], the light's radiance over its luminance.
+colour: None, or float64 [3]: the source's values are times this.
+emission, emission_colour: None, or another source that is added, and its colour.
 threads: 0: all cores. The result is the same, bit for bit, for any number.
 control: cancels (raises Cancelled) and tells the progress.
 Returns float32 [3, nx, ny, nz].
@@ -168,8 +190,9 @@ The other arguments, result and errors as in mean_hue.)";
 
 void bind_radiance_sweep(nb::module_ &module) {
     module.def("mean_hue", &mean_hue, "sigma_t"_a, "source"_a, "index_to_world"_a, "directions"_a,
-               "weights"_a, "hue"_a, nb::kw_only(), "node_spacing"_a = 0, "near_slices"_a = 4,
-               "threads"_a = 0, "control"_a = nb::none(), mean_hue_doc);
+               "weights"_a, "hue"_a, nb::kw_only(), "colour"_a = nb::none(),
+               "emission"_a = nb::none(), "emission_colour"_a = nb::none(), "node_spacing"_a = 0,
+               "near_slices"_a = 4, "threads"_a = 0, "control"_a = nb::none(), mean_hue_doc);
     module.def("mean_hue_uniform", &mean_hue_uniform, "sigma_t"_a, "index_to_world"_a,
                "directions"_a, "weights"_a, "hue"_a, "extinction"_a, "source_function"_a,
                nb::kw_only(), "near_slices"_a = 4, "threads"_a = 0, "control"_a = nb::none(),

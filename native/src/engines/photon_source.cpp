@@ -241,8 +241,12 @@ bool PhotonEmitter::from_emission(Random &random, Birth &birth) const {
     for (std::size_t a = 0; a < 3; ++a) point[a] = double(index[a]) + random.unit() + random.unit();
     const Vec3 flight = Cone{{0.0, 0.0, 1.0}, 2.0}.draw(random);
     set_weight(birth, 1.0);
-    if (source_.coloured())
-        for (std::size_t c = 0; c < 3; ++c) birth.weight[c] = source_.colours[3 * voxel + c];
+    if (source_.coloured()) {
+        const float *const red = source_.emission.values + voxel;
+        const std::size_t voxels = n[0] * n[1] * n[2];
+        const double mean = (double(red[0]) + double(red[voxels]) + double(red[2 * voxels])) / 3.0;
+        for (std::size_t c = 0; c < 3; ++c) birth.weight[c] = float(red[c * voxels] / mean);
+    }
     set_direction(birth, flight);
     birth.position = point;
     return true;

@@ -172,6 +172,7 @@ double PhotonTracer::deposit_unit(const PhotonSource &source, bool unscattered) 
 
 PhotonTally PhotonTracer::run(const PhotonSource &source, const PhotonRun &run,
                               const PhotonSums &result) {
+    if (run.pass == 0) trim_malloc();  // of the sweeps of unscattered light
     const PhotonField &field = impl_->field;
     const PhotonEmitter emitter(source, impl_->geometry, impl_->box(run.unscattered));
     const std::size_t each = colours(source);

@@ -117,8 +117,9 @@ Layers::Layers(const RadianceScene &scene, int major_axis, int near_slices, doub
                     const int extinction = std::min(k, extinctions - 1);
                     const Real sigma_t = scene.sigma_t[extinction * volume + voxel];
                     const Real thinner = sigma_t > densest ? densest / sigma_t : Real(1);
-                    const Real source =
-                        std::min(scene.source[k * volume + voxel] * thinner, brightest);
+                    const Real gathered =
+                        scene.scattered.at(voxel, volume, k) + scene.emitted.at(voxel, volume, k);
+                    const Real source = std::min(gathered * thinner, brightest);
                     if (k < extinctions) to[k * pitch_ + c] = std::min(sigma_t, densest);
                     to[(extinctions + k) * pitch_ + c] = source;
                     any |= sigma_t != 0 || source != 0;

@@ -11,6 +11,7 @@
 
 #include "radiance_march.h"
 #include "sweep_weights.h"
+#include "volillum/pages.h"
 #include "volillum/parallel.h"
 
 namespace volillum {
@@ -200,6 +201,7 @@ void mean_hue(const RadianceScene &scene, const Real *weights, int node_spacing,
               const RadianceSettings &settings, Real *out) {
     using namespace radiance_detail;
     const auto plan = plan_directions(scene, settings.near_slices);
+    trim_malloc();  // a shadow's sweep comes before, of one direction
     const Index3 &shape = scene.shape;
     const std::ptrdiff_t volume = std::ptrdiff_t(shape[0]) * shape[1] * shape[2];
     std::fill_n(out, 3 * volume, Real(0));
