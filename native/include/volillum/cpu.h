@@ -4,7 +4,8 @@
 #include <string>
 
 // VOLILLUM_DISPATCH compiles a leaf kernel once per x86-64 level and lets the loader choose; a
-// no-op elsewhere. VOLILLUM_TARGET is one such version (in_packs of pack.h chooses). Helpers that a
+// no-op elsewhere. VOLILLUM_TARGET is one such version (in_packs of pack.h chooses); where there
+// are any, VOLILLUM_HAS_TARGETS is defined and a version may name its instructions. Helpers that a
 // kernel calls must be inlined into it, hence VOLILLUM_INLINE, and VOLILLUM_LAMBDA behind the
 // parameters of a lambda.
 #if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__) && \
@@ -12,6 +13,7 @@
 #define VOLILLUM_DISPATCH \
     __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
 #define VOLILLUM_TARGET(level) __attribute__((target(level)))
+#define VOLILLUM_HAS_TARGETS
 #else
 #define VOLILLUM_DISPATCH
 #define VOLILLUM_TARGET(level)

@@ -7,6 +7,7 @@
 
 #include "cone_transport_lamp.h"
 #include "cone_transport_plan.h"
+#include "cone_transport_slices.h"
 #include "cone_transport_voxels.h"
 #include "volillum/parallel.h"
 
@@ -14,10 +15,8 @@ namespace volillum {
 namespace cone_detail {
 namespace {
 
-// Extinction times a step of more than this is as good as opaque, and its powers stay finite.
-constexpr double kOpaque = 1e8;
-
-// The march, divided as MarchPlan says.
+// The march, divided as MarchPlan says. Extinctions take turns in each slab, so that the rays of
+// one have the cache for themselves.
 class March {
 public:
     March(const ConeTransportScene &scene, const ConeTransportSettings &settings)
@@ -26,71 +25,17 @@ public:
           lattice_(scene, settings.spacing, check_directions(scene)),
           rays_(plan_rays(scene, lattice_)),
           lamp_(scene, settings.spacing, lattice_),
-          plan_(scene, lattice_, rays_, settings.threads) {
-        Real longest = 0;
-        for (const Ray &ray : rays_) longest = std::max(longest, ray.length);
-        largest_ = Real(kOpaque / double(longest));
-        slices_.resize(std::size_t(plan_.threads + 1) * std::size_t(plan_.slab_slices));
-        for (std::size_t i = 0; i < slices_.size(); ++i) {
-            Slice &slice = slices_[i];
-            const int held = plan_.ends_slab(int(i)) ? lattice_.rows : plan_.plane_rows;
-            slice.planes.resize(lattice_.rows, held, plan_.layout, plan_.albedos);
-            slice.sums.resize(plan_.layout, plan_.albedos);
-            slice.moves.resize(rays_.size());
-            if (scene.local_weights) slice.weights.resize(plan_.layout, rays_.size());
-        }
-        states_.resize(rays_.size(), plan_.ray_rows, plan_.threads, plan_.missing_rows,
-                       plan_.layout, plan_.albedos);
-        solutions_.resize(plan_.threads, plan_.slab_slices, lattice_.most_points(), plan_.albedos,
-                          scene.transmittance != nullptr);
+          plan_(scene, lattice_, rays_, settings.threads),
+          slices_(scene, lattice_, plan_, rays_),
+          states_(plan_.extinctions) {
+        for (RayStates &states : states_)
+            states.resize(rays_.size(), plan_.ray_rows, plan_.threads, plan_.missing_rows,
+                          plan_.layout, plan_.albedos);
+        solutions_.resize(plan_, lattice_.most_points(), scene.transmittance != nullptr);
     }
 
     void run(Real *out) {
-        const std::ptrdiff_t voxels =
-            std::ptrdiff_t(scene_.shape[0]) * scene_.shape[1] * scene_.shape[2];
-        const double from = settings_.progress_begin;
-        const double share = (settings_.progress_end - from) / scene_.extinctions;
-        for (int run = 0; run < scene_.extinctions; ++run) {
-            std::array<Reals, 1 + kMostAlbedos> copies;
-            // `sample_medium` reads beyond the last of lone elements.
-            const auto readable = [&](const Real *values, Reals &copy) {
-                if (scene_.shape[2] > 1) return values;
-                copy.assign(values, values + voxels);
-                copy.push_back(0);
-                return static_cast<const Real *>(copy.data());
-            };
-            sigma_t_ = readable(scene_.sigma_t + run * voxels, copies[kMostAlbedos]);
-            for (std::size_t i = 0; i < std::size_t(plan_.albedos); ++i)
-                sigma_s_[i] =
-                    readable(scene_.sigma_s + (scene_.scatterings > 1 ? run + int(i) : 0) * voxels,
-                             copies[i]);
-            const Real *transmittance =
-                scene_.transmittance ? scene_.transmittance + run * voxels : nullptr;
-            solve_channel(transmittance, from + run * share, from + (run + 1) * share,
-                          out + run * plan_.albedos * voxels);
-        }
-    }
-
-private:
-    // How a direction's rays come to a slice.
-    struct Move {
-        Crossing before, here;
-    };
-    struct Slice {
-        SlicePlanes planes;
-        SumRows sums;
-        WeightRows weights;
-        std::vector<Move> moves;
-    };
-
-    Slice &slice_at(int slice) {
-        return slices_[std::size_t(slice + plan_.slab_slices) % slices_.size()];
-    }
-
-    void solve_channel(const Real *transmittance, double begin, double end, Real *out) {
-        slice_at(-1).planes.begin_at(lattice_.first_column(-1));
-        slice_at(-1).planes.clear();  // nothing lies before the first slice
-        const VoxelWriter writer(scene_.shape, lattice_, solutions_, plan_.albedos, transmittance);
+        const VoxelWriter writer(scene_, lattice_, solutions_);
         Progress progress(plan_.slabs);
         parallel_for(
             std::size_t(plan_.slabs), plan_.threads, settings_.control,
@@ -98,191 +43,202 @@ private:
                 try {
                     march(int(slab), progress);
                     writer.write(int(slab), out);
-                    progress.finish(int(slab), plan_.bands + 1);
+                    progress.finish(int(slab), written());
                 } catch (...) {
                     progress.fail();
                     throw;
                 }
             },
-            begin, end);
+            settings_.progress_begin, settings_.progress_end);
     }
+
+private:
+    // A row of a slice, of one extinction.
+    struct Place {
+        std::size_t extinction;
+        int slice, row;
+    };
+
+    // What a slab has done when its voxels are written: the bands of all extinctions, and that.
+    int written() const { return int(plan_.extinctions) * plan_.bands + 1; }
 
     void march(int slab, Progress &progress) {
         // Its solutions, and the slice before its first, give way to this slab's.
-        progress.wait(slab - plan_.threads, plan_.bands + 1, settings_.control);
+        progress.wait(slab - plan_.threads, written(), settings_.control);
         const int first = slab * plan_.slab_slices,
                   last = std::min(first + plan_.slab_slices, lattice_.slices);
-        for (int slice = first; slice < last; ++slice) {
-            Slice &here = slice_at(slice);
-            const int column = lattice_.first_column(slice);
-            here.planes.begin_at(column);
-            here.sums.begin_at(column);
-            if (scene_.local_weights) here.weights.begin_at(column);
-            for (std::size_t d = 0; d < rays_.size(); ++d)
-                here.moves[d] = {rays_[d].crossing(slice - 1), rays_[d].crossing(slice)};
-        }
+        for (int slice = first; slice < last; ++slice) begin(slice);
         // Bands of the slab before that the first slice reads beyond its own.
         const int ahead = (plan_.skew * plan_.slab_slices + plan_.band_rows - 1) / plan_.band_rows;
-        for (int band = 0; band < plan_.bands; ++band) {
-            if (settings_.control && settings_.control->cancelled()) throw Cancelled();
-            progress.wait(slab - 1, std::min(band + ahead + 1, plan_.bands), settings_.control);
-            for (int slice = first; slice < last; ++slice) {
-                const int begin = band * plan_.band_rows - 1 - plan_.skew * (slice - first);
-                const int end = std::min(begin + plan_.band_rows, lattice_.rows);
-                for (int row = std::max(begin, -1); row < end; ++row) march_row(slice, row);
+        for (std::size_t extinction = 0; extinction < plan_.extinctions; ++extinction) {
+            const int done = int(extinction) * plan_.bands;
+            for (int band = 0; band < plan_.bands; ++band) {
+                if (settings_.control && settings_.control->cancelled()) throw Cancelled();
+                progress.wait(slab - 1, done + std::min(band + ahead + 1, plan_.bands),
+                              settings_.control);
+                march_band(extinction, first, last, band * plan_.band_rows - 1);
+                progress.finish(slab, done + band + 1);
             }
-            progress.finish(slab, band + 1);
         }
     }
 
-    void march_row(int slice, int row) {
-        Slice &here = slice_at(slice);
-        if (row < 0) here.sums.clear();
-        if (row + 1 < lattice_.rows) {
-            sample(slice, row + 1, here.planes);
-            if (scene_.local_weights)
-                lamp_.weigh(slice, row + 1, lattice_.span(slice, row + 1), here.weights);
+    void march_band(std::size_t extinction, int first, int last, int top) {
+        for (int row = top; row < std::min(top + plan_.band_rows, lattice_.rows - 1); ++row)
+            slices_.sample(extinction, first, last, row + 1);
+        for (int slice = first; slice < last; ++slice) {
+            const int begin = top - plan_.skew * (slice - first);
+            const int end = std::min(begin + plan_.band_rows, lattice_.rows);
+            for (int row = std::max(begin, -1); row < end; ++row)
+                march_row({extinction, slice, row});
         }
+    }
+
+    void begin(int slice) {
+        slices_.begin(slice);
+        Slice &here = slices_.at(slice);
+        for (std::size_t d = 0; d < rays_.size(); ++d) {
+            const Crossing crossing = rays_[d].crossing(slice);
+            here.moves[d] = {rays_[d].crossing(slice - 1), crossing,
+                             states_[0].lines(-crossing.row)};
+        }
+    }
+
+    void march_row(const Place &place) {
+        const auto [extinction, slice, row] = place;
+        Slice &here = slices_.at(slice);
+        SumRows &sums = here.sums;
+        if (row < 0) sums.clear();
+        if (scene_.local_weights && row + 1 < lattice_.rows)
+            lamp_.weigh(slice, row + 1, lattice_.span(slice, row + 1), here.weights);
         const Span rays = lattice_.rays(slice, row);
-        if (!rays.empty()) {
-            // Whole lanes, on cache lines.
-            const int begin = rays.begin & ~(kLanes - 1), count = round_up(rays.end - begin);
-            for (std::size_t d = 0; d < rays_.size(); ++d)
-                march_rays(slice, row, d, rays, begin, count);
-        }
-        if (row >= 0) solve(slice, row, here);
-        here.sums.clear(row);
+        if (!rays.empty()) march_rays(place, rays);
+        if (row >= 0) solve(place);
+        sums.clear(row);
         if (plan_.ends_slab(slice)) {
-            settle(slice, row - 1);
-            if (row + 1 == lattice_.rows) settle(slice, row);
+            settle({extinction, slice, row - 1});
+            if (row + 1 == lattice_.rows) settle(place);
         }
     }
 
     // Rays between two rows of points that are solved.
-    void settle(int slice, int row) {
+    void settle(const Place &place) {
+        const auto [extinction, slice, row] = place;
         const Span rays = lattice_.rays(slice, row);
         if (rays.empty()) return;
-        const int begin = rays.begin & ~(kLanes - 1), count = round_up(rays.end - begin);
-        Slice &here = slice_at(slice);
-        const SliceRows rows = here.planes.rows(row, 0);
+        const Span lanes = whole_lanes(rays);
+        Slice &here = slices_.at(slice);
+        const SliceRows rows = here.planes_of(extinction).rows(row);
+        const RayStates::Lines lines = states_[extinction].lines(row);
         for (std::size_t d = 0; d < rays_.size(); ++d) {
             const Crossing &crossing = here.moves[d].here;
-            SettleRow settled{state_of(slice, row, d, crossing),
-                              {},
-                              Taps(crossing.row_fraction, crossing.column_fraction)};
-            std::copy_n(rows.in_scattered, plan_.albedos, settled.in_scattered);
-            settle_row(settled, plan_.albedos, begin, count);
+            settle_row({state_of(place, d, lines), rows,
+                        Taps(crossing.row_fraction, crossing.column_fraction)},
+                       plan_.albedos, lanes.begin, lanes.end - lanes.begin);
         }
     }
 
     // At column 0 of the slice.
-    RayRow state_of(int slice, int row, std::size_t d, const Crossing &crossing) {
-        return states_.at(slice / plan_.slab_slices, d, row - crossing.row,
-                          lattice_.first_column(slice));
+    RayRow state_of(const Place &place, std::size_t d, const RayStates::Lines &lines) {
+        const int slice = place.slice;
+        return states_[place.extinction].at(slice / plan_.slab_slices, d, lines,
+                                            slices_.at(slice).moves[d].lines,
+                                            lattice_.first_column(slice));
     }
 
-    void march_rays(int slice, int row, std::size_t d, const Span &rays, int begin, int count) {
-        Slice &here = slice_at(slice);
-        const Ray &ray = rays_[d];
-        const Move &move = here.moves[d];
-        const int row_shift = move.here.row - move.before.row;
-        const int shift = move.here.column - move.before.column;
-        const RayRow state = state_of(slice, row, d, move.here);
+    void march_rays(const Place &place, const Span &rays) {
+        const auto [extinction, slice, row] = place;
+        Slice &here = slices_.at(slice);
+        RayStates &states = states_[extinction];
+        const RayStates::Lines lines = states.lines(row);
+        const RayRow own = here.sums.at(row), next = here.sums.at(row + 1);
+        const SliceRows rows = here.planes_of(extinction).rows(row);
+        // Of the slice before, those that rays come from: `skew` says how far they move at most.
+        std::array<SliceRows, 2 * kMostSkew - 1> before;
+        SlicePlanes &planes_before = slices_.at(slice - 1).planes_of(extinction);
+        for (int shift = 1 - plan_.skew; shift < plan_.skew; ++shift)
+            before[std::size_t(shift + plan_.skew - 1)] = planes_before.rows(row - shift);
+        const int first_column = lattice_.first_column(slice);
         // The same memory, by the columns of the slice before.
-        const int moved = lattice_.first_column(slice) - lattice_.first_column(slice - 1);
-        RayRow before = state;
-        before.seen += moved;
-        for (int i = 0; i < plan_.albedos; ++i) {
-            before.known[i] += moved;
-            before.missing[i] += moved;
-        }
+        const int moved = first_column - lattice_.first_column(slice - 1);
         const bool settled = plan_.begins_slab(slice);
-        renew(before, !settled, lattice_.rays(slice - 1, row - row_shift), rays.begin - shift,
-              rays.end - shift);
-        StepRow step{state,
-                     {},
-                     shift - moved,
-                     slice_at(slice - 1).planes.rows(row - row_shift, -shift),
-                     here.planes.rows(row, 0),
-                     Taps(move.before.row_fraction, move.before.column_fraction),
-                     Taps(move.here.row_fraction, move.here.column_fraction),
-                     ray.length};
-        for (int i = 0; i < plan_.albedos; ++i)
-            step.missing[i] =
-                settled ? states_.settled(lattice_.first_column(slice)) : state.missing[i];
-        if (scene_.lamp) lamp_.end(slice, row, move.here, d, rays, step);
-        step_row(step, plan_.albedos, begin, count);
-        AddRow add{state,      move.here.row_fraction, move.here.column_fraction,
-                   ray.weight, here.sums.at(row),      here.sums.at(row + 1)};
-        if (scene_.local_weights) {
-            add.own_weights = here.weights.at(row, d);
-            add.next_weights = here.weights.at(row + 1, d);
+        const Span lanes = whole_lanes(rays);
+        for (std::size_t d = 0; d < rays_.size(); ++d) {
+            const Slice::Move &move = here.moves[d];
+            const int row_shift = move.here.row - move.before.row;
+            const int shift = move.here.column - move.before.column;
+            const RayRow state = state_of(place, d, lines);
+            renew(state, moved, !settled, lattice_.rays(slice - 1, row - row_shift),
+                  {rays.begin - shift, rays.end - shift});
+            StepRow step{state,
+                         {},
+                         shift - moved,
+                         shift,
+                         before[std::size_t(row_shift + plan_.skew - 1)],
+                         rows,
+                         Taps(move.before.row_fraction, move.before.column_fraction),
+                         Taps(move.here.row_fraction, move.here.column_fraction),
+                         rays_[d].length,
+                         d + 1 < rays_.size() ? state_of(place, d + 1, lines)
+                                              : state_of(place, 0, states.lines(row + 1))};
+            for (int i = 0; i < plan_.albedos; ++i)
+                step.missing[i] = settled ? states.settled(first_column) : state.missing[i];
+            if (scene_.lamp) lamp_.end(slice, row, move.here, d, rays, step);
+            step_row(step, plan_.albedos, lanes.begin, lanes.end - lanes.begin);
+            AddRow add{
+                state, move.here.row_fraction, move.here.column_fraction, rays_[d].weight, own,
+                next};
+            if (scene_.local_weights) {
+                add.own_weights = here.weights.at(row, d);
+                add.next_weights = here.weights.at(row + 1, d);
+            }
+            add_row(add, plan_.albedos, lanes.begin, lanes.end - lanes.begin);
         }
-        add_row(add, plan_.albedos, begin, count);
     }
 
-    // Rays that come from beside those that are held have met nothing.
-    void renew(const RayRow &state, bool missing, const Span &held, int begin, int end) const {
-        const auto fill = [&](int from, int to) {
-            if (from >= to) return;
-            std::fill(state.seen + from, state.seen + to, Real(1));
-            for (int i = 0; i < plan_.albedos; ++i) {
-                std::fill(state.known[i] + from, state.known[i] + to, Real(1));
-                if (missing) std::fill(state.missing[i] + from, state.missing[i] + to, Real(1));
+    // Rays of these columns of the slice before that come from beside those that are held have met
+    // nothing. They lie `moved` elements behind their columns.
+    void renew(const RayRow &state, int moved, bool missing, const Span &held,
+               const Span &rays) const {
+        const auto fill = [&](int begin, int end) {
+            for (int c = begin + moved; c < end + moved; ++c) {
+                state.seen[c] = 1;
+                for (int i = 0; i < plan_.albedos; ++i) {
+                    state.known[i][c] = 1;
+                    if (missing) state.missing[i][c] = 1;
+                }
             }
         };
-        if (held.empty()) return fill(begin, end);
-        fill(begin, std::min(held.begin, end));
-        fill(std::max(held.end, begin), end);
+        if (held.empty()) return fill(rays.begin, rays.end);
+        fill(rays.begin, std::min(held.begin, rays.end));
+        fill(std::max(held.end, rays.begin), rays.end);
     }
 
-    void sample(int slice, int row, SlicePlanes &planes) const {
-        const Span span = lattice_.span(slice, row);
-        clear_beside(planes.sigma_t(row), slice, span);
-        MediumRow medium{sigma_t_,
-                         sigma_s_,
-                         plan_.albedos,
-                         scene_.shape,
-                         lattice_.index_of(slice, row, span.begin),
-                         lattice_.index_per_column(),
-                         largest_,
-                         planes.sigma_t(row) + span.begin,
-                         {}};
-        for (int i = 0; i < plan_.albedos; ++i) {
-            clear_beside(planes.sigma_a(row, i), slice, span);
-            medium.absorption[i] = planes.sigma_a(row, i) + span.begin;
-        }
-        if (!span.empty()) sample_medium(medium, span.end - span.begin);
-    }
-
-    void solve(int slice, int row, Slice &here) {
+    void solve(const Place &place) {
+        const auto [extinction, slice, row] = place;
+        Slice &here = slices_.at(slice);
         const Span span = lattice_.span(slice, row);
         const RayRow sums = here.sums.at(row);
         for (int i = 0; i < plan_.albedos; ++i) {
-            Real *in_scattered = here.planes.in_scattered(row, i);
-            clear_beside(in_scattered, slice, span);
+            Real *in_scattered = here.planes_of(extinction).in_scattered(row, i);
+            slices_.clear_beside(in_scattered, slice, span);
             if (!span.empty())
                 solve_row(sums.known[i], sums.missing[i], span.begin, span.end, in_scattered);
         }
-        if (!span.empty()) keep(slice, row, span, here);
+        if (!span.empty()) keep(place, span);
     }
 
     // For the voxels.
-    void keep(int slice, int row, const Span &span, Slice &here) {
-        const int offset = lattice_.offset(slice, row);
+    void keep(const Place &place, const Span &span) {
+        const auto [extinction, slice, row] = place;
+        Slice &here = slices_.at(slice);
+        const int place_of_row = solutions_.begin(slice) + lattice_.offset(slice, row);
         const auto copy = [&](const Real *values, Real *solution) {
-            std::copy(values + span.begin, values + span.end,
-                      solution + solutions_.begin(slice) + offset);
+            std::copy(values + span.begin, values + span.end, solution + place_of_row);
         };
         for (int i = 0; i < plan_.albedos; ++i)
-            copy(here.planes.in_scattered(row, i), solutions_.in_scattered(i));
-        if (scene_.transmittance) copy(here.sums.at(row).seen, solutions_.seen());
-    }
-
-    void clear_beside(Real *row, int slice, const Span &span) const {
-        const int first = lattice_.first_column(slice), end = first + lattice_.width();
-        std::fill(row + first, row + (span.empty() ? end : span.begin), Real(0));
-        if (!span.empty()) std::fill(row + span.end, row + end, Real(0));
+            copy(here.planes_of(extinction).in_scattered(row, i),
+                 solutions_.in_scattered(extinction, i));
+        if (scene_.transmittance) copy(here.sums.at(row).seen, solutions_.seen(extinction));
     }
 
     const ConeTransportScene &scene_;
@@ -291,11 +247,8 @@ private:
     std::vector<Ray> rays_;
     LampCones lamp_;
     MarchPlan plan_;
-    Real largest_ = 0;
-    const Real *sigma_t_ = nullptr;  // of the extinction that is solved
-    AlbedoFields sigma_s_{};
-    std::vector<Slice> slices_;  // of the slabs in flight and the one before
-    RayStates states_;
+    Slices slices_;
+    std::vector<RayStates> states_;  // of each extinction
     Solutions solutions_;
 };
 

@@ -44,56 +44,109 @@ VOLILLUM_INLINE void columns_of(int c, Pack &columns) {
     for (int lane = 0; lane < lanes_of<Pack>; ++lane) columns[lane] = Real(c + lane);
 }
 
-template <class Pack, int Albedos, bool ends>
-VOLILLUM_INLINE void step(const StepRow &row, int begin, int count) {
-    const RayRow rays = row.rays;
-    const SliceRows before = row.before, here = row.here;
-    const Taps taps_before = row.taps_before, taps_here = row.taps_here;
-    const int shift = row.shift;
-    // In place: where rays move to larger columns the last come first.
-    const int stride = shift > 0 ? -lanes_of<Pack> : lanes_of<Pack>;
-    int c = shift > 0 ? begin + count - lanes_of<Pack> : begin;
-    for (int left = count; left > 0; left -= lanes_of<Pack>, c += stride) {
-        Pack a, b;
-        sample(before.sigma_t, taps_before, c, a);
-        sample(here.sigma_t, taps_here, c, b);
-        Pack length = Pack{} + row.length;
+// The lines that a step of rays reads and writes.
+template <int Albedos>
+struct StepLines {
+    SliceRows before, here;
+    RayRow rays;
+    const Real *missing[Albedos];
+    Taps taps_before, taps_here;
+    int shift;
+};
+
+// `Packs` of them at a time: a step is a long chain of operations, each of which waits for the one
+// before, so those of two packs take hardly longer than one's.
+template <class Pack, int Packs, int Albedos, bool ends>
+VOLILLUM_INLINE void step(const StepRow &row, const StepLines<Albedos> &lines, int first) {
+    const RayRow &rays = lines.rays;
+    const SliceRows &before = lines.before, &here = lines.here;
+    const Taps &taps_before = lines.taps_before, &taps_here = lines.taps_here;
+    const int shift = lines.shift;
+    Pack a[Packs], b[Packs], length[Packs], transmitted[Packs], toward_a[Packs], toward_b[Packs],
+        per_lost[Packs];
+    const auto at = [=](int p) { return first + p * lanes_of<Pack>; };
+    for (int p = 0; p < Packs; ++p) {
+        __builtin_prefetch(row.next.seen + at(p), 1);
+        for (int i = 0; i < Albedos; ++i) {
+            __builtin_prefetch(row.next.known[i] + at(p), 1);
+            __builtin_prefetch(row.next.missing[i] + at(p), 1);
+        }
+    }
+    for (int p = 0; p < Packs; ++p) {
+        sample(before.sigma_t, taps_before, at(p), a[p]);
+        sample(here.sigma_t, taps_here, at(p), b[p]);
+        length[p] = Pack{} + row.length;
         if constexpr (ends) {
             Pack share;
-            columns_of(c, share);
+            columns_of(at(p), share);
             share = row.end_start - share * row.end_slope;
             share = share > 0 ? share : Pack{};
-            length *= share < 1 ? share : Pack{} + 1;
+            length[p] *= share < 1 ? share : Pack{} + 1;
         }
-        a *= length;
-        b *= length;
-        Pack transmitted = Real(0.5) * (a + b);
-        exp_negative(transmitted);
-        Pack toward_a;
-        mean_distance(a, b, toward_a);
-        const Pack toward_b = Real(1) - toward_a;
-        const Pack lost = toward_a * a + toward_b * b;
-        const Pack per_lost = lost > 0 ? length / lost : Pack{};
-        const Pack interacting = Real(1) - transmitted;
-        const Pack t = transmitted * pack<Pack>(rays.seen + c - shift);
-        for (int i = 0; i < Albedos; ++i) {
+        a[p] *= length[p];
+        b[p] *= length[p];
+        transmitted[p] = Real(0.5) * (a[p] + b[p]);
+    }
+    for (int p = 0; p < Packs; ++p) mean_distance(a[p], b[p], toward_a[p]);
+    for (int p = 0; p < Packs; ++p) exp_negative(transmitted[p]);
+    for (int p = 0; p < Packs; ++p) {
+        toward_b[p] = Real(1) - toward_a[p];
+        const Pack lost = toward_a[p] * a[p] + toward_b[p] * b[p];
+        per_lost[p] = lost > 0 ? length[p] / lost : Pack{};
+    }
+    for (int i = 0; i < Albedos; ++i) {
+        Pack known[Packs], missing[Packs];
+        for (int p = 0; p < Packs; ++p) {
+            const Pack interacting = Real(1) - transmitted[p];
+            const int c = at(p);
             Pack absorbed_a, absorbed_b, in_scattered;
             sample(before.sigma_a[i], taps_before, c, absorbed_a);
             sample(here.sigma_a[i], taps_here, c, absorbed_b);
             sample(before.in_scattered[i], taps_before, c, in_scattered);
-            const Pack absorbed_share = per_lost * (toward_a * absorbed_a + toward_b * absorbed_b);
+            const Pack absorbed_share =
+                per_lost[p] * (toward_a[p] * absorbed_a + toward_b[p] * absorbed_b);
             Pack radiance;
-            settle(rays.known[i] + c - shift, row.missing[i] + c - shift, in_scattered, radiance);
+            settle(rays.known[i] + c - shift, lines.missing[i] + c - shift, in_scattered, radiance);
             const Pack scattered = interacting * (Real(1) - absorbed_share);
             // The same sum twice: without absorption the two agree to the last bit where the
             // radiance and L_i are 1.
-            const Pack scattered_a = scattered * toward_a;
-            const Pack k = transmitted * radiance + scattered_a * in_scattered;
-            pack<Pack>(rays.known[i] + c) = k > kDark ? k : Pack{};
-            pack<Pack>(rays.missing[i] + c) =
-                transmitted + scattered_a + interacting * absorbed_share;
+            const Pack scattered_a = scattered * toward_a[p];
+            const Pack k = transmitted[p] * radiance + scattered_a * in_scattered;
+            known[p] = k > kDark ? k : Pack{};
+            missing[p] = transmitted[p] + scattered_a + interacting * absorbed_share;
         }
-        pack<Pack>(rays.seen + c) = t > kDark ? t : Pack{};
+        for (int p = 0; p < Packs; ++p) {
+            pack<Pack>(rays.known[i] + at(p)) = known[p];
+            pack<Pack>(rays.missing[i] + at(p)) = missing[p];
+        }
+    }
+    Pack seen[Packs];
+    for (int p = 0; p < Packs; ++p)
+        seen[p] = transmitted[p] * pack<Pack>(rays.seen + at(p) - shift);
+    for (int p = 0; p < Packs; ++p)
+        pack<Pack>(rays.seen + at(p)) = seen[p] > kDark ? seen[p] : Pack{};
+}
+
+template <class Pack, int Albedos, bool ends>
+VOLILLUM_INLINE void step_all(const StepRow &row, int begin, int count) {
+    StepLines<Albedos> lines{row.before,      row.here,      row.rays, {},
+                             row.taps_before, row.taps_here, row.shift};
+    lines.before.sigma_t.move(-row.shift_of_before);
+    for (int i = 0; i < Albedos; ++i) {
+        lines.before.sigma_a[i].move(-row.shift_of_before);
+        lines.before.in_scattered[i].move(-row.shift_of_before);
+        lines.missing[i] = row.missing[i];
+    }
+    // In place: where rays move to larger columns the last come first.
+    constexpr int two = 2 * lanes_of<Pack>;
+    int c = begin;
+    if (row.shift > 0) {
+        c += count;
+        for (; c - two >= begin; c -= two) step<Pack, 2, Albedos, ends>(row, lines, c - two);
+        if (c > begin) step<Pack, 1, Albedos, ends>(row, lines, begin);
+    } else {
+        for (; c + two <= begin + count; c += two) step<Pack, 2, Albedos, ends>(row, lines, c);
+        if (c < begin + count) step<Pack, 1, Albedos, ends>(row, lines, c);
     }
 }
 
@@ -102,7 +155,7 @@ VOLILLUM_INLINE void settle_all(const SettleRow &row, int albedos, int begin, in
     for (int i = 0; i < albedos; ++i)
         for (int c = begin; c < begin + count; c += lanes_of<Pack>) {
             Pack in_scattered, radiance;
-            sample(row.in_scattered[i], row.taps, c, in_scattered);
+            sample(row.here.in_scattered[i], row.taps, c, in_scattered);
             settle(row.rays.known[i] + c, row.rays.missing[i] + c, in_scattered, radiance);
             pack<Pack>(row.rays.known[i] + c) = radiance;
         }
@@ -138,7 +191,7 @@ VOLILLUM_INLINE void add_all(const AddRow &row, int albedos, int begin, int coun
 template <int Albedos, bool ends>
 void step_in_packs(const StepRow &row, int begin, int count) {
     in_packs([=, &row]<class Pack>(Width<Pack>)
-                 VOLILLUM_LAMBDA { step<Pack, Albedos, ends>(row, begin, count); });
+                 VOLILLUM_LAMBDA { step_all<Pack, Albedos, ends>(row, begin, count); });
 }
 
 template <bool local>

@@ -24,6 +24,10 @@ struct Taps {
 // Two neighbouring rows of a slice.
 struct Rows {
     const Real *upper, *lower;
+    void move(int columns) {
+        upper += columns;
+        lower += columns;
+    }
 };
 
 // What a row of rays meets on one slice.
@@ -40,10 +44,12 @@ struct RayRow {
 struct StepRow {
     RayRow rays;
     const Real *missing[kMostAlbedos];  // on the slice before, placed as `rays`
-    int shift;               // elements that rays move by: what is to be at c was at c - shift
-    SliceRows before, here;  // before at column 0, minus the shift; here.in_scattered is not read
+    int shift;            // elements that rays move by: what is to be at c was at c - shift
+    int shift_of_before;  // and columns
+    const SliceRows &before, &here;  // at column 0; here.in_scattered is not read
     Taps taps_before, taps_here;
     Real length;
+    RayRow next;  // rays whose turn is next: they are fetched meanwhile
     // Rays end at a lamp: the share of the step that lies before it is start - c * slope, from 0
     // to 1.
     bool ends = false;
@@ -52,8 +58,8 @@ struct StepRow {
 
 // L_i is known now: `known` becomes the radiance.
 struct SettleRow {
-    RayRow rays;  // at column 0, as the rows of L_i
-    Rows in_scattered[kMostAlbedos];
+    RayRow rays;  // at column 0, as `here`, of which L_i is read
+    const SliceRows &here;
     Taps taps;
 };
 
@@ -65,19 +71,6 @@ struct AddRow {
     // Null, or weights of the two rows' points, beside `weight`.
     const Real *own_weights = nullptr, *next_weights = nullptr;
 };
-
-// sigma_t and sigma_t - sigma_s of the trilinear medium at index + c * step, c in [0, count).
-// sigma_t is clipped to `largest`. Where the last side is 1 an element beyond the last is read.
-struct MediumRow {
-    const Real *sigma_t;
-    AlbedoFields sigma_s;
-    int albedos;
-    Index3 shape;
-    Vec3d index, step;
-    Real largest;
-    Real *extinction, *absorption[kMostAlbedos];
-};
-void sample_medium(const MediumRow &row, int count);
 
 // Takes the rays of the columns [begin, begin + count), whole lanes, from slice to slice, in place.
 void step_row(const StepRow &row, int albedos, int begin, int count);

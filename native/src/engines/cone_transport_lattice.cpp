@@ -226,8 +226,8 @@ Vec3d Lattice::position_of(const Vec3d &index) const {
     return plus(position, centre_, 1.0);
 }
 
-Vec3d Lattice::position_per_voxel() const {
-    return {to_lattice_[0][2], to_lattice_[1][2], to_lattice_[2][2]};
+Vec3d Lattice::position_per_voxel(std::size_t axis) const {
+    return {to_lattice_[0][axis], to_lattice_[1][axis], to_lattice_[2][axis]};
 }
 
 std::vector<Ray> plan_rays(const ConeTransportScene &scene, const Lattice &lattice) {

@@ -17,6 +17,13 @@ struct Span {
     bool empty() const { return begin >= end; }
 };
 
+// Grown to begin and end on cache lines.
+inline Span whole_lanes(const Span &span) {
+    if (span.empty()) return {};
+    const int begin = span.begin & ~(kLanes - 1);
+    return {begin, begin + round_up(span.end - begin)};
+}
+
 // Points (slice, row, column); slice 0 is nearest to the light. Only points in the support of the
 // medium, grown by a cell of either lattice, are held: the spans.
 class Lattice {
@@ -57,10 +64,10 @@ public:
     // Voxel-index position of a lattice point, and of its neighbour along the row minus that.
     Vec3d index_of(double slice, double row, double column) const;
     const Vec3d &index_per_column() const { return column_index_; }
-    // Lattice position (slice, row, column) of a voxel-index position.
+    // Lattice position (slice, row, column) of a voxel-index position, and the change of that from
+    // voxel to voxel along an index axis.
     Vec3d position_of(const Vec3d &index) const;
-    // The change of that from voxel to voxel along the last index axis.
-    Vec3d position_per_voxel() const;
+    Vec3d position_per_voxel(std::size_t axis) const;
 
 private:
     void place_rows();

@@ -13,11 +13,15 @@ namespace volillum::cone_detail {
 // rows lower (`skew`) on each than on the slice before: so what a row reads of the slice before is
 // done, by this band or the one before. A row of rays stays in its place in memory; the band in
 // which it is next taken is never an earlier one.
+// Rays move by at most kSteepest rows from slice to slice.
+constexpr int kMostSkew = 1 + 2;
+
 struct MarchPlan {
     MarchPlan(const ConeTransportScene &scene, const Lattice &lattice, const std::vector<Ray> &rays,
               int threads);
 
-    int albedos;  // that are solved together
+    std::size_t extinctions;
+    int albedos;  // of one extinction
     int threads, skew, slab_slices, slabs, band_rows, bands;
     RowLayout layout;
     int plane_rows;    // of the medium and L_i on a slice that does not end its slab

@@ -41,12 +41,16 @@ public:
         layout_ = layout;
         values_ = HugeArray<Real>(layout.size(quantities * std::size_t(rows)));
     }
-    // At column 0; `row` counts from the rays' first.
-    Real *at(std::size_t quantity, int row, int first_column) {
-        const int held = (row % rows_ + rows_) % rows_;
+    // What is in place of a row that counts from the rays' first. A row is found as the sum of two
+    // such lines, of which one serves many rows and the other many directions.
+    int line(int row) const { return (row % rows_ + rows_) % rows_; }
+    // Of quantity 0 at column 0.
+    Real *at(int one, int two, int first_column) {
+        const int sum = one + two;
         return values_.data() +
-               layout_.column_0(quantity * std::size_t(rows_) + std::size_t(held), first_column);
+               layout_.column_0(std::size_t(sum < rows_ ? sum : sum - rows_), first_column);
     }
+    std::size_t per_quantity() const { return std::size_t(rows_) * std::size_t(layout_.pitch); }
 
 private:
     int rows_ = 0;
@@ -69,14 +73,23 @@ public:
         none_missing_.assign(layout.size(1), Real(1));
         layout_ = layout;
     }
-    // At column 0.
-    RayRow at(int slab, std::size_t direction, int row, int first_column) {
-        const std::size_t quantity = direction * (1 + albedos_);
-        RayRow result{kept_.at(quantity, row, first_column), {}, {}};
+    struct Lines {
+        int kept, missing;
+    };
+    // At column 0, of the row that is the sum of those of two lines.
+    Lines lines(int row) const { return {kept_.line(row), missing_.line(row)}; }
+    RayRow at(int slab, std::size_t direction, const Lines &one, const Lines &two,
+              int first_column) {
+        const std::size_t kept = kept_.per_quantity(), missing = missing_.per_quantity();
+        RayRow result;
+        result.seen =
+            kept_.at(one.kept, two.kept, first_column) + direction * (1 + albedos_) * kept;
         const std::size_t place = std::size_t(slab % slabs_) * directions_ + direction;
+        Real *const first_missing =
+            missing_.at(one.missing, two.missing, first_column) + place * albedos_ * missing;
         for (std::size_t i = 0; i < albedos_; ++i) {
-            result.known[i] = kept_.at(quantity + 1 + i, row, first_column);
-            result.missing[i] = missing_.at(place * albedos_ + i, row, first_column);
+            result.known[i] = result.seen + (1 + i) * kept;
+            result.missing[i] = first_missing + i * missing;
         }
         return result;
     }
@@ -109,6 +122,8 @@ public:
             std::size_t(row) * std::size_t(quantities_) + std::size_t(quantity);
         return values_.data() + layout_.column_0(line, first_column_);
     }
+    // From a quantity to the next.
+    int pitch() const { return layout_.pitch; }
 
     void clear(int row, int rows) {
         const std::ptrdiff_t line = std::ptrdiff_t(quantities_) * layout_.pitch;
@@ -132,13 +147,15 @@ public:
     }
     void clear() { planes_.clear(0, held_); }
     void begin_at(int first_column) { planes_.begin_at(first_column); }
-    Real *sigma_t(int row) { return at(row, 0); }
-    Real *sigma_a(int row, int i) { return at(row, 1 + i); }
+    // 0: sigma_t, from 1 on: the sigma_a.
+    Real *medium(int row, int quantity) { return at(row, quantity); }
     Real *in_scattered(int row, int i) { return at(row, 1 + albedos_ + i); }
-    // This row and the next, at `column`.
-    SliceRows rows(int row, int column) {
+    // This row and the next, at column 0.
+    SliceRows rows(int row) {
+        const Real *const upper = at(row, 0), *const lower = at(row + 1, 0);
         const auto both = [&](int quantity) {
-            return Rows{at(row, quantity) + column, at(row + 1, quantity) + column};
+            const std::ptrdiff_t offset = std::ptrdiff_t(quantity) * planes_.pitch();
+            return Rows{upper + offset, lower + offset};
         };
         SliceRows result{both(0), {}, {}};
         for (int i = 0; i < albedos_; ++i) {

@@ -5,34 +5,34 @@
 #include <stdexcept>
 #include <string>
 
+#include "cone_transport_lookups.h"
 #include "volillum/exp_negative.h"
 #include "volillum/no_alias.h"
-#include "volillum/pairs.h"
 
 namespace volillum::cone_detail {
 namespace {
 
 // Where less than this share of the light met matter, what of it is lost does not show.
 constexpr Real kLeast = Real(1e-5);
-constexpr int kChunk = 4 * kLanes;
+
+// Rows of voxels whose memory is fetched ahead of those that are written.
+constexpr int kRowsAhead = 8;
+
+std::ptrdiff_t voxels_of(const ConeTransportScene &scene) {
+    return std::ptrdiff_t(scene.shape[0]) * scene.shape[1] * scene.shape[2];
+}
 
 // The lower neighbour. Positions that should be whole are off by rounding, to either side.
 VOLILLUM_INLINE int whole(double position) {
     return int(position + 1e-9);
 }
 
-// The lattice points about some voxels, with trilinear weights.
-struct Neighbours {
-    int at[4][kChunk];
-    Real weight[4][kChunk], along[kChunk];
-};
-
-// `positions` in the lattice, their slices counted from the first of `starts`; `starts` are those
-// of rows, at column 0.
-VOLILLUM_DISPATCH void find(const double (*positions)[kChunk], const int *starts, int rows,
-                            Neighbours &near) {
+// The lattice points about voxels. `positions` in the lattice, their slices counted from the first
+// of `starts`; `starts` are those of rows, at column 0.
+VOLILLUM_DISPATCH void find(const double (*positions)[2 * kLanes], const int *starts, int rows,
+                            Lookups &near) {
     VOLILLUM_NO_ALIAS
-    for (int voxel = 0; voxel < kChunk; ++voxel) {
+    for (int voxel = 0; voxel < kLanes; ++voxel) {
         const double s = positions[0][voxel], r = positions[1][voxel], c = positions[2][voxel];
         const int slice = whole(s), row = whole(r), column = whole(c);
         const auto fraction = [](double position, int low) {
@@ -49,22 +49,8 @@ VOLILLUM_DISPATCH void find(const double (*positions)[kChunk], const int *starts
         near.weight[1][voxel] = (1 - f) * g;
         near.weight[2][voxel] = f * (1 - g);
         near.weight[3][voxel] = f * g;
-        near.along[voxel] = fraction(c, column);
-    }
-}
-
-VOLILLUM_DISPATCH void mean(const Real *values, const Neighbours &near, Real *out) {
-    Pair pairs[4][kChunk];
-    for (int i = 0; i < 4; ++i)
-        for (int k = 0; k < kChunk; ++k) pairs[i][k] = pair_at(values + near.at[i][k]);
-    VOLILLUM_NO_ALIAS
-    for (int k = 0; k < kChunk; ++k) {
-        Real low = 0, high = 0;
-        for (int i = 0; i < 4; ++i) {
-            low += near.weight[i][k] * pairs[i][k].first;
-            high += near.weight[i][k] * pairs[i][k].second;
-        }
-        out[k] = (1 - near.along[k]) * low + near.along[k] * high;
+        near.high[voxel] = fraction(c, column);
+        near.low[voxel] = 1 - near.high[voxel];
     }
 }
 
@@ -106,7 +92,7 @@ VOLILLUM_INLINE void depth_of(const Pack &x, Pack &depth) {
 // Both are exact without absorption and without scattering. The mean of the two.
 void follow(const Real *exact, const Real *seen, Real *solved) {
     in_packs([=]<class Pack>(Width<Pack>) VOLILLUM_LAMBDA {
-        for (int v = 0; v < kChunk; v += lanes_of<Pack>) {
+        for (int v = 0; v < kLanes; v += lanes_of<Pack>) {
             const Pack t = pack<Pack>(exact + v), s = pack<Pack>(seen + v),
                        l = pack<Pack>(solved + v);
             const Pack met = 1 - s > kLeast ? 1 - s : Pack{} + kLeast;
@@ -128,13 +114,13 @@ void follow(const Real *exact, const Real *seen, Real *solved) {
 
 }  // namespace
 
-void Solutions::resize(int slabs, int slab_slices, std::size_t most_points, int albedos,
-                       bool with_seen) {
-    slabs_ = slabs;
-    slab_slices_ = slab_slices;
-    albedos_ = albedos;
+void Solutions::resize(const MarchPlan &plan, std::size_t most_points, bool with_seen) {
+    slabs_ = plan.threads;
+    slab_slices_ = plan.slab_slices;
+    albedos_ = plan.albedos;
+    quantities_ = std::size_t(albedos_ + (with_seen ? 1 : 0));
     // Points are counted in int where voxels look them up.
-    const std::size_t slices = std::size_t(slabs * slab_slices + 1),
+    const std::size_t slices = std::size_t(slabs_ * slab_slices_ + 1),
                       most = std::numeric_limits<int>::max() / slices - kLanes;
     if (most_points > most)
         throw std::invalid_argument("a slice of the light's lattice has " +
@@ -143,7 +129,7 @@ void Solutions::resize(int slabs, int slab_slices, std::size_t most_points, int 
     // Lookups read a point beyond the last, whose weight is 0.
     pitch_ = round_up(int(most_points) + 1);
     size_ = slices * std::size_t(pitch_);
-    const std::size_t count = std::size_t(albedos + (with_seen ? 1 : 0)) * size_;
+    const std::size_t count = plan.extinctions * quantities_ * size_;
     values_ = HugeArray<Real>(count);
     std::fill_n(values_.data(), count, Real(0));
 }
@@ -152,19 +138,28 @@ void Solutions::resize(int slabs, int slab_slices, std::size_t most_points, int 
 struct VoxelWriter::Batch {
     int count = 0;
     std::vector<int> starts;
-    std::ptrdiff_t voxels[kChunk];
-    double positions[3][kChunk];
+    // With room for a whole batch behind what is there.
+    std::ptrdiff_t voxels[2 * kLanes];
+    double positions[3][2 * kLanes];
+
+    // Some of a row's voxels, from k on, at most kLanes; `row` and `start` are at k = 0. Where a
+    // voxel lies depends on its k alone, so that it has the same bits in every batch.
+    VOLILLUM_INLINE void append(std::ptrdiff_t row, const Vec3d &start, const Vec3d &step,
+                                double first, int k, int some) {
+        // All lanes, of which the next voxels take the place.
+        VOLILLUM_NO_ALIAS
+        for (int v = 0; v < kLanes; ++v) {
+            voxels[count + v] = row + k + v;
+            positions[0][count + v] = start[0] + (k + v) * step[0] - first;
+            positions[1][count + v] = start[1] + (k + v) * step[1];
+            positions[2][count + v] = start[2] + (k + v) * step[2];
+        }
+        count += some;
+    }
 };
 
-VoxelWriter::VoxelWriter(const Index3 &shape, const Lattice &lattice, Solutions &solutions,
-                         int albedos, const Real *transmittance)
-    : shape_(shape),
-      lattice_(lattice),
-      solutions_(solutions),
-      albedos_(albedos),
-      transmittance_(transmittance) {}
-
 void VoxelWriter::write(int slab, Real *out) const {
+    const Index3 &shape = scene_.shape;
     const int slices = solutions_.slab_slices();
     const int first = slab * slices - 1;  // held from the slab before
     const int last = std::min(first + slices, lattice_.slices - 1);
@@ -176,54 +171,73 @@ void VoxelWriter::write(int slab, Real *out) const {
                                        ? 0
                                        : solutions_.begin(slice) + lattice_.offset(slice, row) -
                                              lattice_.span(slice, row).begin);
-    const Vec3d step = lattice_.position_per_voxel();
+    const Vec3d step = lattice_.position_per_voxel(2), beside = lattice_.position_per_voxel(1);
     // Along a row of voxels slices rise, fall or stay.
-    const bool stays = std::abs(step[0]) * shape_[2] < 1e-6;
+    const bool stays = std::abs(step[0]) * shape[2] < 1e-6;
     const double per_slice = stays ? 0.0 : 1.0 / step[0];
-    for (int i = 0; i < shape_[0]; ++i)
-        for (int j = 0; j < shape_[1]; ++j) {
-            const Vec3d start = lattice_.position_of({double(i), double(j), 0.0});
-            int begin = 0, end = shape_[2];
+    for (int i = 0; i < shape[0]; ++i) {
+        const Vec3d begin_of_plane = lattice_.position_of({double(i), 0.0, 0.0});
+        for (int j = 0; j < shape[1]; ++j) {
+            Vec3d start;
+            for (int a = 0; a < 3; ++a) start[a] = begin_of_plane[a] + j * beside[a];
+            const auto is_here = [&](int k) {
+                const int below = whole(start[0] + k * step[0]);
+                return below >= first && below < last;
+            };
+            int begin = 0, end = shape[2];
             if (!stays) {
                 // With one more on each side for the rounding.
                 const double one = (first - start[0]) * per_slice,
                              two = (last - start[0]) * per_slice;
-                begin = int(std::clamp(std::min(one, two) - 1, 0.0, double(shape_[2])));
-                end = int(std::clamp(std::max(one, two) + 2, 0.0, double(shape_[2])));
+                begin = int(std::clamp(std::min(one, two) - 1, 0.0, double(shape[2])));
+                end = int(std::clamp(std::max(one, two) + 2, 0.0, double(shape[2])));
             } else if (start[0] < first - 1 || start[0] > last + 1) {
                 continue;
             }
-            const std::ptrdiff_t row = (std::ptrdiff_t(i) * shape_[1] + j) * shape_[2];
-            for (int k = begin; k < end; ++k) {
-                const double slice = start[0] + k * step[0];
-                const int below = whole(slice);
-                if (below < first || below >= last) continue;
-                batch.voxels[batch.count] = row + k;
-                batch.positions[0][batch.count] = slice - first;
-                batch.positions[1][batch.count] = start[1] + k * step[1];
-                batch.positions[2][batch.count] = start[2] + k * step[2];
-                if (++batch.count == kChunk) write(batch, out);
+            while (begin < end && !is_here(begin)) ++begin;
+            while (begin < end && !is_here(end - 1)) --end;
+            const std::ptrdiff_t row = (std::ptrdiff_t(i) * shape[1] + j) * shape[2];
+            if (begin < end) fetch(row + kRowsAhead * shape[2] + begin, out);
+            for (int k = begin; k < end;) {
+                const int some = std::min(end - k, kLanes - batch.count);
+                batch.append(row, start, step, first, k, some);
+                k += some;
+                if (batch.count == kLanes) write(batch, out);
             }
         }
+    }
     if (batch.count > 0) write(batch, out);
 }
 
+// Where slices are passed along a row of voxels only a few of it lie between two.
+void VoxelWriter::fetch(std::ptrdiff_t voxel, const Real *out) const {
+    const std::ptrdiff_t voxels = voxels_of(scene_);
+    const int channels = scene_.extinctions * solutions_.albedos();
+    for (int i = 0; i < channels; ++i) __builtin_prefetch(out + i * voxels + voxel, 1);
+    if (scene_.transmittance)
+        for (int e = 0; e < scene_.extinctions; ++e)
+            __builtin_prefetch(scene_.transmittance + e * voxels + voxel);
+}
+
 void VoxelWriter::write(Batch &batch, Real *out) const {
-    const std::ptrdiff_t voxels = std::ptrdiff_t(shape_[0]) * shape_[1] * shape_[2];
+    const std::ptrdiff_t voxels = voxels_of(scene_);
     const int count = batch.count;
     for (auto &positions : batch.positions)
-        std::fill(positions + count, positions + kChunk, positions[count - 1]);
-    Neighbours near;
-    alignas(64) Real solved[kChunk], seen[kChunk], exact[kChunk] = {};
+        std::fill(positions + count, positions + kLanes, positions[count - 1]);
+    Lookups near;
+    alignas(64) Real solved[kLanes], seen[kLanes], exact[kLanes] = {};
     find(batch.positions, batch.starts.data(), lattice_.rows, near);
-    if (transmittance_) {
-        mean(solutions_.seen(), near, seen);
-        for (int v = 0; v < count; ++v) exact[v] = transmittance_[batch.voxels[v]];
-    }
-    for (int i = 0; i < albedos_; ++i) {
-        mean(solutions_.in_scattered(i), near, solved);
-        if (transmittance_) follow(exact, seen, solved);
-        for (int v = 0; v < count; ++v) out[i * voxels + batch.voxels[v]] = solved[v];
+    for (std::size_t e = 0; e < std::size_t(scene_.extinctions); ++e) {
+        if (scene_.transmittance) {
+            look_up(solutions_.seen(e), near, seen);
+            const Real *const transmittance = scene_.transmittance + std::ptrdiff_t(e) * voxels;
+            for (int v = 0; v < count; ++v) exact[v] = transmittance[batch.voxels[v]];
+        }
+        for (int i = 0; i < solutions_.albedos(); ++i, out += voxels) {
+            look_up(solutions_.in_scattered(e, i), near, solved);
+            if (scene_.transmittance) follow(exact, seen, solved);
+            for (int v = 0; v < count; ++v) out[batch.voxels[v]] = solved[v];
+        }
     }
     batch.count = 0;
 }

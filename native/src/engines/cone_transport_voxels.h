@@ -6,6 +6,7 @@
 
 #include "cone_transport_kernels.h"
 #include "cone_transport_lattice.h"
+#include "cone_transport_plan.h"
 #include "volillum/huge_array.h"
 
 namespace volillum::cone_detail {
@@ -15,11 +16,14 @@ namespace volillum::cone_detail {
 // finite numbers.
 class Solutions {
 public:
-    void resize(int slabs, int slab_slices, std::size_t most_points, int albedos, bool with_seen);
+    void resize(const MarchPlan &plan, std::size_t most_points, bool with_seen);
     int slab_slices() const { return slab_slices_; }
+    int albedos() const { return albedos_; }
     // Of all slices; `begin` is where one begins.
-    Real *in_scattered(int i) { return values_.data() + std::size_t(i) * size_; }
-    Real *seen() { return in_scattered(albedos_); }
+    Real *in_scattered(std::size_t extinction, int i) {
+        return values_.data() + (extinction * quantities_ + std::size_t(i)) * size_;
+    }
+    Real *seen(std::size_t extinction) { return in_scattered(extinction, albedos_); }
     int begin(int slice) const {
         const int slab = slice / slab_slices_, within = slice % slab_slices_;
         if (within == slab_slices_ - 1) return pitch_ * (slab % (slabs_ + 1));
@@ -28,28 +32,26 @@ public:
 
 private:
     int slabs_ = 0, slab_slices_ = 1, pitch_ = 0, albedos_ = 0;
-    std::size_t size_ = 0;
+    std::size_t quantities_ = 0, size_ = 0;  // of an extinction, of a quantity
     HugeArray<Real> values_;
 };
 
 // Writes L_i at the voxels that lie between the slices of a slab or before its first.
 class VoxelWriter {
 public:
-    // `transmittance` at the voxels or null, as in the scene, of one extinction.
-    VoxelWriter(const Index3 &shape, const Lattice &lattice, Solutions &solutions, int albedos,
-                const Real *transmittance);
-    // out[i] for each albedo. Every voxel belongs to one slab.
+    VoxelWriter(const ConeTransportScene &scene, const Lattice &lattice, Solutions &solutions)
+        : scene_(scene), lattice_(lattice), solutions_(solutions) {}
+    // `out` as in `cone_transport`. Every voxel belongs to one slab.
     void write(int slab, Real *out) const;
 
 private:
     struct Batch;
     void write(Batch &batch, Real *out) const;
+    void fetch(std::ptrdiff_t voxel, const Real *out) const;
 
-    Index3 shape_;
+    const ConeTransportScene &scene_;
     const Lattice &lattice_;
     Solutions &solutions_;
-    int albedos_;
-    const Real *transmittance_;
 };
 
 }  // namespace volillum::cone_detail
