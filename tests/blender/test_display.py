@@ -17,32 +17,29 @@ from blender_scenes import (
     add_light,
     blob,
     block,
-    centred,
     clear,
     lit,
     orthographic,
     perspective,
+)
+from displayed import (
+    SIZE,
+    SKY,
+    compared,
+    coordinates,
+    display_and_integral,
+    expansion,
+    hard,
+    smooth,
 )
 from numpy.typing import NDArray
 
 from volillum_addon.bake.run import bake_file
 from volillum_addon.bake.vdb import read_vdb, write_vdb
 from volillum_addon.blender.cycles import CyclesRenderer
-from volillum_addon.blender.display import add_volume, display_material, show_bake
-from volillum_addon.blender.render import (
-    add_camera,
-    clip_range,
-    depth_range,
-    render_image,
-    set_cycles,
-    set_eevee,
-)
-from volillum_addon.blender.sandbox import sandbox
-from volillum_addon.core import harmonics
-from volillum_addon.core.camera import Camera
+from volillum_addon.blender.display import display_material, show_bake
 from volillum_addon.core.errors import InputError
-from volillum_addon.core.grid import Grid
-from volillum_addon.core.lights import DistantLight, EnvironmentLight, Light
+from volillum_addon.core.lights import DistantLight
 from volillum_addon.core.medium import Medium
 from volillum_addon.core.scene import Scene
 from volillum_addon.models.angular import Angular, Moment, Phase
@@ -50,78 +47,6 @@ from volillum_addon.models.illuminate import relight
 from volillum_addon.models.image import line_integral
 from volillum_addon.models.registry import MODELS, get
 from volillum_addon.models.volume import Factor, IlluminationVolume, RadianceTerm
-
-SIZE = 64
-SKY = EnvironmentLight((0.2, 0.3, 0.5))
-
-
-def coordinates(grid: Grid) -> NDArray[np.float64]:
-    """World positions [i, j, k, 3] of the voxels."""
-    index = np.stack(np.meshgrid(*(np.arange(n) for n in grid.shape), indexing="ij"), -1)
-    return grid.to_world(index.astype(np.float64))
-
-
-def expansion(medium: Medium, lights: tuple[Light, ...], order: int = 2) -> IlluminationVolume:
-    """A volume as spherical harmonics bake it: smooth fields of both signs for coefficients."""
-    where = coordinates(medium.sigma_t)
-    values = get("spherical_harmonics").values({"order": order})
-    count = harmonics.count(order)
-    planes = [
-        np.cos((1 + index % 3) * where[..., index % 3] + index) * 3 / (1 + index)
-        for index in range(count)
-    ]
-    planes[0] = planes[0] + 4
-    channels = {}
-    for first in range(0, count, 3):
-        pack = planes[first : first + 3] + [np.zeros(where.shape[:3])] * (3 - count + first)
-        name = f"coefficients_{first // 3}"
-        channels[name] = medium.sigma_t.with_values(np.stack(pack, -1).astype(np.float32), name)
-    model = get("spherical_harmonics")
-    return IlluminationVolume(
-        "spherical_harmonics", values, medium, channels, model.radiance(lights, medium, values),
-        image_emission=True,
-    )  # fmt: skip
-
-
-def smooth() -> Medium:
-    """A Gaussian blob of optical depth 5, albedo tinted."""
-    return Medium.from_density(blob(64, 2, 8, "density"), 1.0, (0.9, 0.8, 0.6))
-
-
-def hard() -> Medium:
-    """Opaque balls with edges one voxel wide, optical depth 0.6 a voxel, albedo 0.8."""
-    rng = np.random.default_rng(1)
-    grid = Grid(np.zeros((64,) * 3, np.float32), centred((64,) * 3, 2 / 64), "density")
-    where = coordinates(grid)
-    for _ in range(12):
-        centre, radius = rng.uniform(-0.6, 0.6, 3), rng.uniform(0.1, 0.35)
-        grid.values[((where - centre) ** 2).sum(-1) < radius**2] = 20
-    return Medium.from_density(grid, 1.0, 0.8)
-
-
-def compared(
-    volume: IlluminationVolume,
-    lights: tuple[Light, ...],
-    camera: Camera,
-    folder: Path,
-    samples: int | None,
-    size: int = SIZE,
-    subpixels: int = 1,
-) -> tuple[float, float]:
-    """Bias and RMSE of Blender's image (Cycles; EEVEE without samples), shares of the mean."""
-    path = folder / "bake.vdb"
-    write_vdb(volume, path)
-    renderer = CyclesRenderer(Scene(volume.medium, lights, camera), size, size)
-    if samples is None:
-        image = renderer.display_eevee(path)
-    else:
-        image = renderer.display(path, samples, subpixels=subpixels)
-    wanted, transmittance = line_integral(relight(volume, lights), camera, size, size)
-    inside = transmittance.mean(-1) < 0.98
-    assert 0.1 < inside.mean() < 0.95
-    assert np.abs(image[~inside]).max() < 0.03 * wanted.max(), "no light outside"
-    error, mean = (image - wanted)[inside], wanted[inside].mean()
-    return abs(float(error.mean() / mean)), float(np.sqrt((error**2).mean()) / mean)
 
 
 def test_a_smooth_volume_in_cycles_at_one_sample(tmp_path: Path) -> None:
@@ -254,23 +179,6 @@ def test_radiance_that_depends_on_the_view(kind: str, eevee: bool, tmp_path: Pat
     assert np.abs(plain - wanted)[inside].mean() > 0.1 * mean
 
 
-def display_and_integral(
-    volume: IlluminationVolume, camera: Camera, folder: Path, eevee: bool = False
-) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-    """Cycles' or EEVEE's image by the volume's own radiance terms, and the line integral."""
-    with sandbox() as (scene, own):
-        path = folder / "product.vdb"
-        write_vdb(volume, path)
-        add_volume(scene, path, display_material("display", volume))
-        add_camera(scene, camera, clip_range(camera, volume.medium.sigma_t.corners()))
-        set_cycles(scene, 1, 0)
-        scene.cycles.volume_biased = True
-        if eevee:
-            set_eevee(scene, depth_range(camera, volume.medium.sigma_t.corners()))
-        image = render_image(scene, SIZE, SIZE, own)[..., :3]
-    return image, line_integral(volume, camera, SIZE, SIZE)[0]
-
-
 def test_a_constant_cube_has_its_closed_form(tmp_path: Path) -> None:
     # e / s (1 - exp(-s L)) with e = albedo s L_i: the optical length of n voxels is n h.
     sigma, voxel = 1.7, 0.1
@@ -299,83 +207,6 @@ def test_other_lights_change_constants_alone() -> None:
 
     assert links(first) == links(second)
     assert not {n.bl_idname for n in first.node_tree.nodes} & {"ShaderNodeScript"}
-
-
-def test_more_grids_than_eevee_reads_are_refused() -> None:
-    clear()
-    medium = smooth()
-    channels = [(f"c{i}", medium.sigma_t, (1.0, 1.0, 1.0), None) for i in range(15)]
-    with pytest.raises(InputError, match="needs 16 grids in one material; EEVEE reads at most 15"):
-        display_material("many", lit(medium, *channels))
-    assert "many" not in bpy.data.materials
-    display_material("many", lit(medium, *channels), None)
-    display_material("fewer", lit(medium, *channels[:14]))
-
-
-def chromatic(lights: tuple[Light, ...]) -> IlluminationVolume:
-    """A third-order bake of coloured extinction: 16 grids beside the density."""
-    density = blob(32, 2, 8, "density")
-    sigma_t = density.values[..., None] * np.array([1, 0.7, 0.4], np.float32)
-    medium = Medium(density.with_values(sigma_t), density.with_values(0.8 * sigma_t))
-    where = coordinates(density)
-    model = get("spherical_harmonics")
-    values = model.values({"order": 3})
-    channels = {}
-    for index in range(harmonics.count(3)):
-        name = f"coefficient_{index}"
-        wave = np.cos((1 + index % 3) * where + index) * 2 / (1 + index) + 3 * (index == 0)
-        channels[name] = density.with_values(wave.astype(np.float32), name)
-    return IlluminationVolume(
-        "spherical_harmonics", values, medium, channels, model.radiance(lights, medium, values)
-    )
-
-
-def test_too_many_grids_are_shown_as_stored_radiance(tmp_path: Path) -> None:
-    scene = clear()
-    add_light(scene, "SUN", 5.0).rotation_euler = (0.6, 0.4, 0.2)
-    scene.view_layers[0].update()
-    path = tmp_path / "shown.vdb"
-    write_vdb(chromatic((DistantLight((1, 2, 3), 1.0),)), path)
-
-    def shown_grids() -> set[str]:
-        shown = show_bake(path, scene, scene.collection)
-        assert shown.data.grids.load()
-        nodes = shown.data.materials[0].node_tree.nodes
-        used = {n.attribute_name for n in nodes if n.bl_idname == "ShaderNodeAttribute"}
-        assert used <= {grid.name for grid in shown.data.grids}
-        return used
-
-    scene.render.engine = "CYCLES"
-    assert len(shown_grids()) == 17
-    scene.render.engine = "BLENDER_EEVEE"
-    assert shown_grids() == {"density", "volillum_radiance"}
-    assert len(list(tmp_path.glob("shown.radiance.*.vdb"))) == 1
-    scene.objects["SUN"].data.energy = 2.5
-    shown_grids()
-    assert len(list(tmp_path.glob("shown.radiance.*.vdb"))) == 2
-    scene.render.engine = "CYCLES"
-    stored = show_bake(path, scene, scene.collection, as_radiance=True)
-    assert ".radiance." in stored.data.filepath
-
-
-def test_stored_radiance_is_the_same_image(tmp_path: Path) -> None:
-    lights = (DistantLight((1, 2, 3), 3.0), SKY)
-    volume = chromatic(lights)
-    camera = perspective()
-    image, _ = display_and_integral(volume.as_radiance(), camera, tmp_path)
-    wanted, transmittance = line_integral(volume, camera, SIZE, SIZE)
-    inside = transmittance.mean(-1) < 0.98
-    error, mean = (image - wanted)[inside], wanted[inside].mean()
-    assert abs(error.mean()) < 0.002 * mean
-    assert np.sqrt((error**2).mean()) < 0.01 * mean
-
-
-def test_eevee_renders_more_grids_than_it_reads(tmp_path: Path) -> None:
-    lights = (DistantLight((1, 2, 3), 3.0), SKY)
-    bias, rmse = compared(chromatic(lights), lights, perspective(), tmp_path, None, 32)
-    # As test_a_smooth_volume_in_eevee.
-    assert bias < 0.02
-    assert rmse < 0.03
 
 
 def test_a_shown_bake_has_the_scene_s_lights(tmp_path: Path) -> None:
