@@ -17,6 +17,7 @@ from hypothesis import HealthCheck, Phase, assume, event, given, note, seed, set
 from hypothesis import strategies as st
 from refusals import LIMITS
 
+from volillum_addon.compare import hard_bounds as bounds
 from volillum_addon.compare import hard_laws as laws
 from volillum_addon.compare.hard_cases import THRIFT, examine
 from volillum_addon.compare.hard_scenes import LAMPS, PATTERNS, Eye, HardCase, Lamp, Matter
@@ -160,7 +161,7 @@ def test_units_of_length_do_not_matter(model: str, case: HardCase, unit: float) 
         scene = each.scene()
         try:
             volume = illuminate(scene, model, values)
-            found.append(laws.radiance(volume, scene.camera))
+            found.append(bounds.radiance(volume, scene.camera))
         except InputError as refusal:
             event("refused")
             found.append(str(refusal))
@@ -171,7 +172,7 @@ def test_units_of_length_do_not_matter(model: str, case: HardCase, unit: float) 
         assert isinstance(two, str), one
         return
     assume(one.any())
-    assert laws.rms(one - two) <= laws.ROUNDING * laws.rms(one)
+    assert bounds.rms(one - two) <= laws.ROUNDING * bounds.rms(one)
 
 
 def in_units(matter: Matter, unit: float) -> Matter:

@@ -24,6 +24,7 @@ from ..models.exact import Estimate, exact
 from ..models.illuminate import VOID_MARGIN, illuminate
 from ..models.model import Model, Value
 from ..models.volume import IlluminationVolume
+from . import hard_bounds as bounds
 from . import hard_laws as laws
 from .hard_laws import Finding
 from .hard_scenes import HardCase
@@ -139,11 +140,11 @@ def _examined(case: HardCase, model: Model, thrift: Mapping[str, Value], control
         alone = illuminate(scene, model.id, given, control)
     finally:
         native.set_threads(before)
-    found = laws.radiance(volume, scene.camera)
+    found = bounds.radiance(volume, scene.camera)
     scale = _scale(scene, model, found)
-    sigma = laws.rms(laws.noise(volume)) / scale
+    sigma = bounds.rms(bounds.noise(volume)) / scale
     off = _off_refined(model, scene, given, found, control)
-    estimate = 2 * laws.rms(off[np.isfinite(off)]) / scale + laws.ROUNDING
+    estimate = 2 * bounds.rms(off[np.isfinite(off)]) / scale + laws.ROUNDING
     findings = [
         laws.is_finite(found),
         laws.is_not_negative(operator, volume, scene.camera, found),
@@ -151,7 +152,7 @@ def _examined(case: HardCase, model: Model, thrift: Mapping[str, Value], control
         laws.has_the_bits_of(volume, alone),
     ]
     one, two = (
-        laws.radiance(illuminate(each, model.id, given, control), each.camera)
+        bounds.radiance(illuminate(each, model.id, given, control), each.camera)
         for each in _to_either_side(scene)
     )
     findings.append(laws.is_continuous(one, two, scale, estimate, CHANCE * sigma))
@@ -171,8 +172,8 @@ def _examined(case: HardCase, model: Model, thrift: Mapping[str, Value], control
 def _scale(scene: Scene, model: Model, found: NDArray[np.float64]) -> float:
     """The larger of the radiance and of what arrives unoccluded; 1 in the dark."""
     grid = scene.trimmed(VOID_MARGIN).medium.sigma_t
-    full = laws.unoccluded(model.represented(scene), laws.lattice_points(grid))
-    return max(laws.rms(full), laws.rms(found)) or 1.0
+    full = bounds.unoccluded(model.represented(scene), bounds.lattice_points(grid))
+    return max(bounds.rms(full), bounds.rms(found)) or 1.0
 
 
 def _to_either_side(scene: Scene) -> tuple[Scene, Scene]:
@@ -196,7 +197,7 @@ def _off_refined(
     better = {**given, **{name: finest[name] for name in finest if name not in THRIFT}}
     here = scene.trimmed(VOID_MARGIN).medium
     fine = illuminate(replace(scene, medium=laws.refined(here)), model.id, better, control)
-    seen = laws.radiance(fine, scene.camera)
+    seen = bounds.radiance(fine, scene.camera)
     # Where each voxel lies in the finer lattice, whose margin is narrower.
     origin = here.sigma_t.to_world(np.zeros(3))
     first = np.rint(fine.medium.sigma_t.to_index(origin)).astype(int)
@@ -225,7 +226,7 @@ def _judged(
     points = grid.to_world(index.astype(np.float64))
     operator, lights = model.operator(given), model.represented(scene)
     samples = max(FEWEST_RAYS, RAYS // cost(operator))
-    closed = laws.conserved_radiance(operator, lights, volume.medium)
+    closed = bounds.conserved_radiance(operator, lights, volume.medium)
     varies = 0.0
 
     def judge(places: NDArray[np.float64]) -> Estimate:
@@ -245,14 +246,14 @@ def _judged(
     except Cancelled:
         return None, None, f"the judge is not done in {PATIENCE:g} processor seconds"
     picked = tuple(index.T)
-    full = laws.rms(laws.unoccluded(lights, points))
-    scale = max(laws.rms(truth.value), full) or 1.0
+    full = bounds.rms(bounds.unoccluded(lights, points))
+    scale = max(bounds.rms(truth.value), full) or 1.0
     baked = found[picked]
-    own = np.broadcast_to(laws.noise(volume), found.shape)[picked]
-    error = laws.rms(baked - truth.value) / scale
+    own = np.broadcast_to(bounds.noise(volume), found.shape)[picked]
+    error = bounds.rms(baked - truth.value) / scale
     # At these voxels, or at all where chance made it small here.
-    estimate = (2 * max(laws.rms(off[picked]), laws.rms(off[compared])) + varies) / scale
-    chance = CHANCE * math.hypot(laws.rms(truth.standard_error), laws.rms(own)) / scale
+    estimate = (2 * max(bounds.rms(off[picked]), bounds.rms(off[compared])) + varies) / scale
+    chance = CHANCE * math.hypot(bounds.rms(truth.standard_error), bounds.rms(own)) / scale
     return error, estimate + chance + laws.ROUNDING + truth.neglected, ""
 
 
@@ -269,7 +270,7 @@ def variation(
     for _ in range(PLACES):
         places = index + random.uniform(-0.5, 0.5, index.shape)
         away += np.abs(judge(grid.to_world(places)).value - centres) / PLACES
-    return laws.rms(away)
+    return bounds.rms(away)
 
 
 def judged_voxels(
@@ -284,7 +285,7 @@ def judged_voxels(
     matter = grid.values.reshape(*grid.shape, -1).any(axis=-1)
     random = np.random.default_rng(0)
     allowed = compared.copy()
-    points = laws.lattice_points(grid)
+    points = bounds.lattice_points(grid)
     for light in lights:
         if isinstance(light, PointLight):
             away = np.linalg.norm(points - np.asarray(light.position), axis=-1)
