@@ -84,3 +84,15 @@ def value_at(grid: Grid, point: np.ndarray) -> np.ndarray:
     nearest = np.rint(index).astype(int)
     assert np.allclose(index, nearest, atol=1e-3), "not a voxel centre"
     return np.asarray(grid.values[tuple(nearest)])
+
+
+def coloured(
+    shape: tuple[int, int, int], seed: int, albedo: tuple[float, float, float] = (0.9, 0.5, 0.2)
+) -> Medium:
+    """A smooth medium whose extinction and albedo have colour and vary."""
+    sigma_t = np.stack([smooth_random(shape, seed + i).sigma_t.values for i in range(3)], -1)
+    blend = smooth_random(shape, seed + 7).sigma_t.values
+    blend = (blend / blend.max())[..., None]
+    sigma_s = sigma_t * (albedo * (1 - blend) + np.array([0.3, 0.8, 0.9]) * blend)
+    grid = smooth_random(shape, seed).sigma_t
+    return Medium(grid.with_values(sigma_t), grid.with_values(sigma_s.astype(np.float32)))

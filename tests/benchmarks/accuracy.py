@@ -227,10 +227,10 @@ def main() -> None:
             continue
         lines.append(COEFFICIENTS)
         # The defaults, and the most accurate of the ladder.
-        for given, where in (({}, names), (model.ladder[-1], small)):
+        for given in ({}, model.ladder[-1]):
             words = in_words(given) or "default settings"
-            lines += ["", f"{model.label}, {words}:", "", *head("(l, m)", where)]
-            for each in coefficient_rows(model, given, where, options.voxels, options.samples):
+            lines += ["", f"{model.label}, {words}:", "", *head("(l, m)", names)]
+            for each in coefficient_rows(model, given, names, options.voxels, options.samples):
                 lines.append(each)
                 print(each, flush=True)
     if options.output:

@@ -184,6 +184,6 @@ MODEL = Model(
         {"directions": 64, "near": 2},
         {"directions": 128, "near": 4},
         {"directions": 512, "near": 6},
-        {"directions": 1024, "near": 8},
+        {"directions": 2048, "near": 12},
     ),
 )
