@@ -25,8 +25,8 @@ VOLILLUM_INLINE void exp_negative(Pack &x) {
         p = p * r + Real(0x1.62e42ap-1);
         p = p * r + Real(1);
         // The low bits of `shifted` are -n; moved into the exponent they multiply p by 2^-n.
-        const Pack value = (Pack)((Bits)p + ((Bits)shifted << 23));
-        x = x < Real(87) ? value : Pack{};
+        const Bits value = (Bits)p + ((Bits)shifted << 23);
+        x = (Pack)(x < Real(87) ? value : Bits{});  // of bits: the sum and the choice are one
     } else {
         Pack value{};
         for (int lane = 0; lane < lanes_of<Pack>; ++lane) value[lane] = std::exp(-x[lane]);

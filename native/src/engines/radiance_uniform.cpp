@@ -87,7 +87,7 @@ public:
         return weights_[direction] != 0;
     }
     const Real *single(int) const override { return nullptr; }
-    void sum(const Batch &batch, Reals &, const Rows &out) const override {
+    void sum(const Batch &batch, const Range &, Reals &, const Rows &out) const override {
         const auto add = colour_.grey ? add_row<true> : add_row<false>;
         batch.tile.for_rows(batch.frame, [&](int t, int b) {
             add({batch.values.at(t, b), batch.values.channel_pitch, batch.directions.data(),

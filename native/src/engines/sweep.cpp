@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "sweep_lattice.h"
+#include "sweep_output.h"
 #include "sweep_weights.h"
 #include "volillum/pages.h"
 #include "volillum/parallel.h"
@@ -16,9 +17,9 @@ namespace {
 
 // So few go through the grid in the time that the system takes for new pages.
 constexpr int kFewDirections = 3;
-// Measured on 256^3: 8 directions' planes in the third-level cache, and where touching the output
+// Measured on 256^3: 16 directions' planes in the third-level cache, and where touching the output
 // once more costs more than planes that are not.
-constexpr std::size_t kCachedPlanes = std::size_t(9) << 20, kDirectionsPerChannel = 4;
+constexpr std::size_t kCachedPlanes = std::size_t(18) << 20, kDirectionsPerChannel = 4;
 
 // What a thread keeps between tiles.
 struct Workspace {
@@ -34,8 +35,7 @@ public:
         : scene_(scene),
           settings_(settings),
           weights_(weights),
-          out_(out),
-          channel_pitch_(settings.channel_pitch ? settings.channel_pitch : voxels()),
+          out_(out, settings.channel_pitch ? settings.channel_pitch : voxels()),
           written_(settings.add) {}
 
     void all_passes() {
@@ -69,13 +69,16 @@ private:
         return std::ptrdiff_t(scene_.shape[0]) * scene_.shape[1] * scene_.shape[2];
     }
 
-    // The lattice planes of the directions at once should stay in the cache, unless the channels of
-    // the output, which are touched with each part of the directions, are more than they save, and
-    // may take as much as the grid. Parts are equal.
+    // The lattice planes of the directions at once should stay in the cache, unless what each part
+    // of the directions does once more takes longer than that saves: touching all channels of the
+    // output, or transposing tiles. They may take as much as the grid. Parts are equal.
     std::size_t directions_at_once(const Pass &pass) const {
         const std::size_t count = pass.directions.size(), reals = LatticePlanes::reals(pass.frame);
-        const std::size_t best = std::max(kCachedPlanes / (reals * sizeof(Real)),
-                                          kDirectionsPerChannel * std::size_t(weights_.channels()));
+        const std::size_t best =
+            pass.frame.transposed()
+                ? count
+                : std::max(kCachedPlanes / (reals * sizeof(Real)),
+                           kDirectionsPerChannel * std::size_t(weights_.channels()));
         const std::size_t most =
             std::max<std::size_t>(1, std::min(best, std::size_t(voxels()) / reals));
         const std::size_t parts = (count + most - 1) / most;
@@ -83,7 +86,7 @@ private:
     }
 
     void march_pass(const Pass &pass, double progress_begin, double progress_end) {
-        const Tiling tiling(pass.frame, pass.directions.size());
+        const Tiling tiling(pass.frame, pass.directions.size(), !weights_.single(0));
         std::vector<LatticePlanes> planes(pass.directions.size());
         if (tiling.slabs > 1)
             for (LatticePlanes &plane : planes) plane.resize(tiling);
@@ -150,12 +153,12 @@ private:
             sum_at_once(tile);
         else
             sum_batches(tile);
-        if (pass.frame.transposed()) transpose_result(tile);
     }
 
     // One weight a direction: each adds itself to the output.
     void sum_at_once(const Tile &tile) {
-        Rows rows = output(tile);
+        const Frame &frame = tile.pass.frame;
+        Rows rows = out_.rows(frame, tile.wanted, {0, 1}, written_, tile.space.result);
         double in_the_clear = 0;  // the sum over directions along which there is nothing
         for (std::size_t d = 0; d < tile.pass.directions.size(); ++d) {
             if (tile.need(d) == Need::nothing) continue;
@@ -170,6 +173,7 @@ private:
                 in_the_clear += weight * empty_value();
         }
         if (in_the_clear != 0 || !rows.add) fill(tile.wanted, Real(in_the_clear), rows);
+        out_.deliver(frame, tile.wanted, {0, 1}, written_, rows);
     }
 
     // Some directions' values first, and then their weighted sums: each number of the output is
@@ -191,7 +195,17 @@ private:
                           lanes,
                           pitch,
                           false};
-        Rows rows = output(tile);
+        const Frame &frame = tile.pass.frame;
+        bool add = written_;
+        const auto write = [&](const auto &sums) {
+            Output::for_parts(
+                frame, box, weights_.channels(), [&](const Box &part, const Range &channels) {
+                    const Rows rows = out_.rows(frame, part, channels, add, tile.space.result);
+                    sums(part, channels, rows);
+                    out_.deliver(frame, part, channels, add, rows);
+                });
+            add = true;
+        };
         for (std::size_t first = 0; first < directions.size(); first += batch) {
             std::vector<int> &active = tile.space.active;
             active.clear();
@@ -205,52 +219,18 @@ private:
                 if (!marched) fill(box, empty_value(), of_direction);
                 active.push_back(directions[d].index);
             }
-            if (active.empty()) continue;
-            weights_.sum({tile.pass.frame, box, active, values}, tile.space.weights, rows);
-            rows.add = true;
+            if (!active.empty())
+                write([&](const Box &part, const Range &channels, const Rows &rows) {
+                    weights_.sum({frame, part, active, values}, channels, tile.space.weights, rows);
+                });
         }
-        for (int channel = 0; !rows.add && channel < weights_.channels(); ++channel) {
-            fill(box, 0, rows);
-            rows.first += rows.channel_pitch;
-        }
-    }
-
-    // Where a tile's sums go: to the output or, transposed, to an array of their own.
-    Rows output(const Tile &tile) const {
-        const Frame &frame = tile.pass.frame;
-        const Box &box = tile.wanted;
-        if (frame.transposed()) {
-            Reals &result = tile.space.result;
-            const std::ptrdiff_t row_pitch = round_up(box.columns.size()) + kLanes;
-            const std::ptrdiff_t slice_pitch = row_pitch * box.rows.size() + kLanes;
-            const std::ptrdiff_t channel_pitch = slice_pitch * box.slices.size();
-            result.resize(std::size_t(channel_pitch) * std::size_t(weights_.channels()));
-            return {result.data(), box.slices.begin, box.rows.begin, slice_pitch,
-                    row_pitch,     channel_pitch,    false};
-        }
-        return {out_ + frame.element(box.slices.begin, box.rows.begin, box.columns.begin),
-                box.slices.begin,
-                box.rows.begin,
-                frame.slice_stride,
-                frame.row_stride,
-                channel_pitch_,
-                written_};
-    }
-
-    void transpose_result(const Tile &tile) const {
-        const Frame &frame = tile.pass.frame;
-        const Box &box = tile.wanted;
-        if (box.empty()) return;
-        Rows from = output(tile);
-        Real *to = out_ + frame.element(box.slices.begin, 0, box.columns.begin);
-        for (int channel = 0; channel < weights_.channels(); ++channel) {
-            for (int b = box.rows.begin; b < box.rows.end; ++b)
-                transpose_out(from.at(box.slices.begin, b), from.slice_pitch, box.slices.size(),
-                              box.columns.size(), frame.forward, written_,
-                              to + b * frame.row_stride, frame.column_stride, frame.row_stride);
-            from.first += from.channel_pitch;
-            to += channel_pitch_;
-        }
+        if (!add)
+            write([](const Box &part, const Range &channels, Rows rows) {
+                for (int channel = channels.begin; channel < channels.end; ++channel) {
+                    fill(part, 0, rows);
+                    rows.first += rows.channel_pitch;
+                }
+            });
     }
 
     // What the quantity is where there is nothing.
@@ -293,8 +273,7 @@ private:
     const SweepScene &scene_;
     const SweepSettings &settings_;
     const Weights &weights_;
-    Real *out_;
-    std::ptrdiff_t channel_pitch_;
+    const Output out_;
     Real largest_ = 0;
     double longest_step_ = 0.0;
     bool written_;  // whether the whole output holds what is to be added to

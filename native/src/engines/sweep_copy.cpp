@@ -27,6 +27,7 @@ namespace {
 using Four [[gnu::vector_size(4 * sizeof(Real))]] = Real;
 constexpr int kFour = 4;
 constexpr int kLine = 64 / int(sizeof(Real));  // numbers of a cache line
+constexpr int kFetched = 32;
 
 // Rows at a distance of `pitch`; copies, because they are aligned to one value only.
 VOLILLUM_INLINE void load(const Real *from, std::ptrdiff_t pitch, Four *rows) {
@@ -36,9 +37,13 @@ VOLILLUM_INLINE void store(const Four *rows, Real *to, std::ptrdiff_t pitch) {
     for (int i = 0; i < kFour; ++i) __builtin_memcpy(to + i * pitch, &rows[i], sizeof(Four));
 }
 
-VOLILLUM_INLINE void fetch(const Real *from, std::ptrdiff_t pitch, int count) {
-    for (int t = 0; t < count; t += kLine)
-        for (int i = 0; i < kFour; ++i) __builtin_prefetch(from + i * pitch + t);
+// Fetches the columns that follow those from c on a little later, of this row or of the next.
+VOLILLUM_INLINE void fetch(const Real *row, std::ptrdiff_t pitch, std::ptrdiff_t next, int c,
+                           int columns, int count) {
+    c += kFetched;
+    const Real *from = c < columns ? row + c * pitch : row + next + (c - columns) * pitch;
+    for (int i = 0; i < kFour; ++i)
+        for (int t = 0; t < count; t += kLine) __builtin_prefetch(from + i * pitch + t);
 }
 
 VOLILLUM_INLINE void transpose(Four *rows) {
@@ -65,7 +70,7 @@ VOLILLUM_DISPATCH bool transpose_in(const Real *source, std::ptrdiff_t column_st
     const int whole_columns = columns / kFour * kFour, whole_slices = slices / kFour * kFour;
     Four any{};
     for (int c = 0; c < whole_columns; c += kFour) {
-        fetch(source + next + c * column_stride, column_stride, slices);
+        fetch(source, column_stride, next, c, whole_columns, slices);
         for (int t = 0; t < whole_slices; t += kFour) {
             Four rows[kFour];
             load(source + c * column_stride + t, column_stride, rows);
@@ -98,7 +103,7 @@ VOLILLUM_DISPATCH void transpose_out(const Real *source, std::ptrdiff_t slice_pi
     }
     const int whole_columns = columns / kFour * kFour, whole_slices = slices / kFour * kFour;
     for (int c = 0; c < whole_columns; c += kFour) {
-        fetch(target + next + c * column_stride, column_stride, slices);
+        fetch(target, column_stride, next, c, whole_columns, slices);
         for (int t = 0; t < whole_slices; t += kFour) {
             Four rows[kFour];
             Real *to = target + c * column_stride + t;

@@ -30,39 +30,40 @@ VOLILLUM_INLINE void sample(const Bilinear &slice, std::ptrdiff_t at, Pack &valu
 
 // Within a slab the samples are summed plainly, and only the slab's sum joins the pair high + low:
 // samples are not negative, so each of a few additions errs by a unit of the last place of the
-// slab's own part, and the errors do not grow along the ray.
+// slab's own part, and the errors do not grow along the ray. Several packs at a time, because a sum
+// waits for the one before it.
 template <class Pack, int packs>
 VOLILLUM_INLINE void advance_packs(const Bilinear *samplers, int slices, int row, int v, int width,
                                    Real *across, Real *high, Real *low, Real *depth) {
+    constexpr int lanes = lanes_of<Pack>;
     across += v;
     high += v;
     low += v;
     depth += v;
     Pack before[packs], sum[packs];
     for (int i = 0; i < packs; ++i) {
-        before[i] = pack<Pack>(high + i * lanes_of<Pack>) + pack<Pack>(low + i * lanes_of<Pack>);
+        before[i] = pack<Pack>(high + i * lanes) + pack<Pack>(low + i * lanes);
         sum[i] = Pack{};
     }
     for (int t = 0; t < slices; ++t, across += width, depth += width) {
         const Bilinear slice = samplers[t];  // a copy: stores to `depth` do not change it
         const Real *lower = slice.first + (row + 1) * slice.pitch + v;
-        // Half of the sample, for the trapezoid rule.
-        const Real w0 = Real(0.5) * (1 - slice.row_fraction), w1 = Real(0.5) * slice.row_fraction;
         for (int i = 0; i < packs; ++i) {
             Pack next;
-            interpolate(lower + i * lanes_of<Pack>, slice.column_fraction, next);
-            const Pack half = w0 * pack<Pack>(across + i * lanes_of<Pack>) + w1 * next;
-            pack<Pack>(across + i * lanes_of<Pack>) = next;
-            sum[i] += half;
-            pack<Pack>(depth + i * lanes_of<Pack>) = before[i] + sum[i];
-            sum[i] += half;
+            interpolate(lower + i * lanes, slice.column_fraction, next);
+            const Pack sample = (1 - slice.row_fraction) * pack<Pack>(across + i * lanes) +
+                                slice.row_fraction * next;
+            pack<Pack>(across + i * lanes) = next;
+            // The trapezoid rule counts half of the slice's own sample.
+            pack<Pack>(depth + i * lanes) = before[i] + (sum[i] + Real(0.5) * sample);
+            sum[i] += sample;
         }
     }
     for (int i = 0; i < packs; ++i) {
-        Pack h = pack<Pack>(high + i * lanes_of<Pack>), l = pack<Pack>(low + i * lanes_of<Pack>);
+        Pack h = pack<Pack>(high + i * lanes), l = pack<Pack>(low + i * lanes);
         add_exactly(h, l, sum[i]);
-        pack<Pack>(high + i * lanes_of<Pack>) = h;
-        pack<Pack>(low + i * lanes_of<Pack>) = l;
+        pack<Pack>(high + i * lanes) = h;
+        pack<Pack>(low + i * lanes) = l;
     }
 }
 
@@ -79,40 +80,51 @@ VOLILLUM_INLINE void emit(const Pack &sums, int count, bool add, Real *out) {
     }
 }
 
-template <bool far, bool near, bool exponential, class Pack>
-VOLILLUM_INLINE void value_at(const Row &r, int c, Pack &q) {
-    if constexpr (far) {
-        const Pack level = r.left * pack<Pack>(r.depth + c) + r.right * pack<Pack>(r.depth + c + 1);
-        q = r.above * pack<Pack>(r.level + c) + r.here * level;
-        pack<Pack>(r.level + c) = level;
+// The values at some packs, one after the other: operations of several are independent.
+template <bool far, bool near, bool exponential, int packs, class Pack>
+VOLILLUM_INLINE void values_at(const Row &r, int c, Pack *q) {
+    constexpr int lanes = lanes_of<Pack>;
+    for (int i = 0; i < packs; ++i, c += lanes) {
+        if constexpr (far) {
+            const Pack level =
+                r.left * pack<Pack>(r.depth + c) + r.right * pack<Pack>(r.depth + c + 1);
+            q[i] = r.above * pack<Pack>(r.level + c) + r.here * level;
+            pack<Pack>(r.level + c) = level;
+        }
+        if constexpr (far && near)
+            q[i] += pack<Pack>(r.near + c);
+        else if constexpr (near)
+            q[i] = pack<Pack>(r.near + c);
     }
-    if constexpr (far && near)
-        q += pack<Pack>(r.near + c);
-    else if constexpr (near)
-        q = pack<Pack>(r.near + c);
-    if constexpr (exponential) exp_negative(q);
-    q *= r.weight;
+    for (int i = 0; i < packs; ++i) {
+        if constexpr (exponential) exp_negative(q[i]);
+        q[i] *= r.weight;
+    }
 }
 
 template <class Pack, bool far, bool near, bool exponential>
 VOLILLUM_INLINE void finish(const Row &row) {
+    constexpr int lanes = lanes_of<Pack>, packs = 2;
     const Row r = row;  // a copy: stores to `out` do not change it
-    const int whole = r.count / lanes_of<Pack> * lanes_of<Pack>;
-    Pack q;
+    const int whole = r.count / (packs * lanes) * (packs * lanes);
+    Pack q[packs];
     if (r.add)
-        for (int c = 0; c < whole; c += lanes_of<Pack>) {
-            value_at<far, near, exponential>(r, c, q);
-            pack<Pack>(r.out + c) += q;
+        for (int c = 0; c < whole; c += packs * lanes) {
+            values_at<far, near, exponential, packs>(r, c, q);
+            for (int i = 0; i < packs; ++i) pack<Pack>(r.out + c + i * lanes) += q[i];
         }
     else
-        for (int c = 0; c < whole; c += lanes_of<Pack>) {
-            value_at<far, near, exponential>(r, c, q);
-            __builtin_prefetch(r.out + c + r.next, 1);
-            pack<Pack>(r.out + c) = q;
+        for (int c = 0; c < whole; c += packs * lanes) {
+            values_at<far, near, exponential, packs>(r, c, q);
+            for (int i = 0; i < packs; ++i) {
+                __builtin_prefetch(r.out + c + i * lanes + r.next, 1);
+                pack<Pack>(r.out + c + i * lanes) = q[i];
+            }
         }
-    if (whole == r.count) return;
-    value_at<far, near, exponential>(r, whole, q);
-    emit(q, r.count - whole, r.add, r.out + whole);
+    for (int c = whole; c < r.count; c += lanes) {
+        values_at<far, near, exponential, 1>(r, c, q);
+        emit(q[0], r.count - c, r.add, r.out + c);
+    }
 }
 
 template <class Pack, bool far, bool near>
@@ -142,10 +154,11 @@ void interpolate_across(const Bilinear *samplers, int begin, int end, int row, i
 void advance(const Bilinear *samplers, int slices, int row, int width, Real *across, Real *high,
              Real *low, Real *depth) {
     in_packs([=]<class Pack>(Width<Pack>) VOLILLUM_LAMBDA {
+        constexpr int packs = 4;
         int v = 0;
-        for (; v + 2 * lanes_of<Pack> <= width; v += 2 * lanes_of<Pack>)
-            advance_packs<Pack, 2>(samplers, slices, row, v, width, across, high, low, depth);
-        if (v < width)
+        for (; v + packs * lanes_of<Pack> <= width; v += packs * lanes_of<Pack>)
+            advance_packs<Pack, packs>(samplers, slices, row, v, width, across, high, low, depth);
+        for (; v < width; v += lanes_of<Pack>)
             advance_packs<Pack, 1>(samplers, slices, row, v, width, across, high, low, depth);
     });
 }
@@ -173,54 +186,6 @@ void advance_window(const Bilinear *samplers, const Bilinear *tails, Real fracti
             pack<Pack>(high + v) = h;
             pack<Pack>(low + v) = l;
         }
-    });
-}
-
-namespace {
-
-template <int rows, int length, class Pack>
-VOLILLUM_INLINE void add_run(const Stencil::Run &run, const Real *block, std::ptrdiff_t pitch,
-                             Pack *sums) {
-    block += run.offset;
-    for (int i = 0; i < rows + length - 1; ++i, block += pitch) {
-        const Pack values = pack<Pack>(block);
-        for (int r = 0; r < rows; ++r)
-            if (i - r >= 0 && i - r < length) sums[r] += run.coefficients[i - r] * values;
-    }
-}
-
-template <class Pack, int rows>
-VOLILLUM_INLINE void apply_to_rows(const Stencil &stencil, const Real *block, std::ptrdiff_t pitch,
-                                   int count, Real *to, std::ptrdiff_t to_pitch) {
-    const Stencil::Run *const begin = stencil.runs.data(), *const end = begin + stencil.runs.size();
-    for (int c = 0; c < count; c += lanes_of<Pack>) {
-        Pack sums[rows] = {};
-        for (const Stencil::Run *run = begin; run != end; ++run) switch (run->length) {
-                case 1:
-                    add_run<rows, 1>(*run, block + c, pitch, sums);
-                    break;
-                case 2:
-                    add_run<rows, 2>(*run, block + c, pitch, sums);
-                    break;
-                case 3:
-                    add_run<rows, 3>(*run, block + c, pitch, sums);
-                    break;
-                default:
-                    add_run<rows, kLongestRun>(*run, block + c, pitch, sums);
-            }
-        for (int r = 0; r < rows; ++r) pack<Pack>(to + r * to_pitch + c) = sums[r];
-    }
-}
-
-}  // namespace
-
-void apply_stencil(const Stencil &stencil, const Real *block, std::ptrdiff_t block_pitch, int rows,
-                   int count, Real *sums, std::ptrdiff_t sums_pitch) {
-    in_packs([=, &stencil]<class Pack>(Width<Pack>) VOLILLUM_LAMBDA {
-        if (rows == kStencilRows)
-            apply_to_rows<Pack, kStencilRows>(stencil, block, block_pitch, count, sums, sums_pitch);
-        else
-            apply_to_rows<Pack, 1>(stencil, block, block_pitch, count, sums, sums_pitch);
     });
 }
 
@@ -253,14 +218,14 @@ void emit_constant(Real value, int count, bool add, Real *out) {
 namespace {
 
 void weigh_one(const Real *values, std::size_t value_stride, int directions, const Real *weights,
-               int count, bool add, Real *out, std::ptrdiff_t next) {
+               int count, bool add, Real *out, const Ahead &ahead) {
     in_packs([=]<class Pack>(Width<Pack>) VOLILLUM_LAMBDA {
         for (int i = 0; i < count; i += lanes_of<Pack>) {
             const Real *p = values + i;
             Pack s = weights[0] * pack<Pack>(p);
             for (int d = 1; d < directions; ++d)
                 s += weights[d * kChannelGroup] * pack<Pack>(p += value_stride);
-            __builtin_prefetch(out + i + next, 1);
+            __builtin_prefetch(ahead.first + i / kLanes * ahead.step, 1);
             emit(s, count - i, add, out + i);
         }
     });
@@ -268,7 +233,7 @@ void weigh_one(const Real *values, std::size_t value_stride, int directions, con
 
 void weigh_group(const Real *values, std::size_t value_stride, int directions, const Real *weights,
                  int channels, int count, bool add, Real *out, std::ptrdiff_t out_stride,
-                 std::ptrdiff_t next) {
+                 const Ahead &ahead) {
     in_packs([=]<class Pack>(Width<Pack>) VOLILLUM_LAMBDA {
         for (int i = 0; i < count; i += lanes_of<Pack>) {
             const Real *p = values + i, *w = weights;
@@ -281,8 +246,9 @@ void weigh_group(const Real *values, std::size_t value_stride, int directions, c
                 s3 += w[3] * value;
             }
             Real *to = out + i;
+            const Real *line = ahead.first + i / kLanes * ahead.step;
             for (int channel = 0; channel < channels; ++channel)
-                __builtin_prefetch(to + channel * out_stride + next, 1);
+                __builtin_prefetch(line + channel * ahead.channel_pitch, 1);
             emit(s0, count - i, add, to);
             if (channels > 1) emit(s1, count - i, add, to + out_stride);
             if (channels > 2) emit(s2, count - i, add, to + 2 * out_stride);
@@ -295,12 +261,12 @@ void weigh_group(const Real *values, std::size_t value_stride, int directions, c
 
 void weigh_row(const Real *values, std::size_t value_stride, int directions, const Real *weights,
                int channels, int count, bool add, Real *out, std::ptrdiff_t out_stride,
-               std::ptrdiff_t next) {
+               const Ahead &ahead) {
     if (channels == 1)
-        weigh_one(values, value_stride, directions, weights, count, add, out, next);
+        weigh_one(values, value_stride, directions, weights, count, add, out, ahead);
     else
         weigh_group(values, value_stride, directions, weights, channels, count, add, out,
-                    out_stride, next);
+                    out_stride, ahead);
 }
 
 VOLILLUM_DISPATCH void multiply_add(const Real *values, const Real *weights, int count,

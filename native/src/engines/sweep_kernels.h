@@ -89,6 +89,13 @@ void finish_row(const Row &row);
 // out[i] = or += value for i < count.
 void emit_constant(Real value, int count, bool add, Real *out);
 
+// Lines of the output that will be touched next, to be fetched meanwhile: one for each line that is
+// written, and that for each channel.
+struct Ahead {
+    const Real *first;
+    std::ptrdiff_t step, channel_pitch;
+};
+
 // out[channel * out_stride + i] = sum_d weights[d * kChannelGroup + channel] values[d *
 // value_stride
 // + i], or += it, for i < count. Channels are summed in groups, so that a value is loaded once for
@@ -96,7 +103,7 @@ void emit_constant(Real value, int count, bool add, Real *out);
 constexpr int kChannelGroup = 4;
 void weigh_row(const Real *values, std::size_t value_stride, int directions, const Real *weights,
                int channels, int count, bool add, Real *out, std::ptrdiff_t out_stride,
-               std::ptrdiff_t next);
+               const Ahead &ahead);
 
 // sums[i] += weights[i] values[i]
 void multiply_add(const Real *values, const Real *weights, int count, Real *sums);

@@ -13,7 +13,8 @@ namespace {
 // many directions one is as fast, and each thread holds half as much.
 constexpr int kSlabSlices = 8, kTransposedSlab = kLanes, kHighTransposedSlab = 2 * kLanes,
               kTileColumns = 256;
-constexpr int kFewDirections = 3, kHighTile = 64, kLowTile = 16;
+constexpr int kFewDirections = 3, kHighTile = 64, kMiddleTile = 32, kLowTile = 16,
+              kLowTransposedTile = 8;
 constexpr int kBatchBytes = 2 * 1024 * 1024, kLargestBatch = 16;
 
 // Large arrays of numpy and malloc lie this far behind the begin of a cache line, and a slab that
@@ -36,10 +37,11 @@ int even_tile(int size, int largest, int multiple) {
 
 }  // namespace
 
-Tiling::Tiling(const Frame &frame_, std::size_t directions) : frame(frame_) {
+Tiling::Tiling(const Frame &frame_, std::size_t directions, bool batches) : frame(frame_) {
     const bool few = directions <= kFewDirections;
     slab_slices = !frame.transposed() ? kSlabSlices : few ? kHighTransposedSlab : kTransposedSlab;
-    tile_rows = even_tile(frame.rows, few ? kHighTile : kLowTile, 1);
+    const int low = frame.transposed() ? kLowTransposedTile : kLowTile;
+    tile_rows = even_tile(frame.rows, few ? kHighTile : batches ? low : kMiddleTile, 1);
     tile_columns = even_tile(frame.columns, kTileColumns, kLanes);
     slab_offset = frame.transposed() ? line_offset(frame, slab_slices) : 0;
     slabs = (slab_offset + frame.slices + slab_slices - 1) / slab_slices;

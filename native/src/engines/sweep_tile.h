@@ -66,9 +66,20 @@ struct Rows {
     Real *first;  // null: nothing is to be written
     int first_slice, first_row;
     std::ptrdiff_t slice_pitch, row_pitch, channel_pitch;
-    bool add;  // whether they hold something already
+    bool add;                 // whether they hold something already
+    std::ptrdiff_t next = 0;  // to the row that follows in the memory
+    // If they are a row that will be transposed: where its columns go, a line of slices each.
+    const Real *columns = nullptr;
+    std::ptrdiff_t column_pitch = 0, columns_channel_pitch = 0;
     Real *at(int t, int b) const {
         return first + (t - first_slice) * slice_pitch + (b - first_row) * row_pitch;
+    }
+    // What the memory should bring while a row of a slice is written: the row that follows, or that
+    // row's part of the columns.
+    Ahead ahead(int t, int b) const {
+        if (!columns) return {at(t, b) + next, kLanes, channel_pitch};
+        return {columns + (t - first_slice) * kLanes * column_pitch, column_pitch,
+                columns_channel_pitch};
     }
 };
 

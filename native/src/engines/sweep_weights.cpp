@@ -11,24 +11,28 @@ const Real *ConstantWeights::single(int direction) const {
     return channels_ == 1 ? weights_ + direction : nullptr;
 }
 
-void ConstantWeights::sum(const Batch &batch, Reals &scratch, const Rows &out) const {
+void ConstantWeights::sum(const Batch &batch, const Range &channels, Reals &scratch,
+                          const Rows &out) const {
     const std::size_t directions = batch.directions.size();
-    const auto group_of = [&](int first) { return std::min(kChannelGroup, channels_ - first); };
     // [group][direction][channel of the group], padded with zeros
     const std::size_t group_size = directions * kChannelGroup;
-    scratch.assign(std::size_t(round_up(channels_)) * directions, 0);
-    for (int channel = 0; channel < channels_; ++channel)
+    scratch.assign(std::size_t(round_up(channels.size())) * directions, 0);
+    for (int channel = 0; channel < channels.size(); ++channel)
         for (std::size_t d = 0; d < directions; ++d)
             scratch[std::size_t(channel / kChannelGroup) * group_size + d * kChannelGroup +
                     std::size_t(channel % kChannelGroup)] =
-                weights_[std::ptrdiff_t(batch.directions[d]) * channels_ + channel];
+                weights_[std::ptrdiff_t(batch.directions[d]) * channels_ + channels.begin +
+                         channel];
     batch.tile.for_rows(batch.frame, [&](int t, int b) {
-        for (int first = 0; first < channels_; first += kChannelGroup)
+        Ahead ahead = out.ahead(t, b);
+        for (int first = 0; first < channels.size(); first += kChannelGroup) {
             weigh_row(batch.values.at(t, b), std::size_t(batch.values.channel_pitch),
                       int(directions),
                       scratch.data() + std::size_t(first / kChannelGroup) * group_size,
-                      group_of(first), batch.tile.columns.size(), out.add,
-                      out.at(t, b) + first * out.channel_pitch, out.channel_pitch, out.row_pitch);
+                      std::min(kChannelGroup, channels.size() - first), batch.tile.columns.size(),
+                      out.add, out.at(t, b) + first * out.channel_pitch, out.channel_pitch, ahead);
+            ahead.first += kChannelGroup * ahead.channel_pitch;
+        }
     });
 }
 
@@ -64,7 +68,7 @@ const Real *LatticeWeights::single(int) const {
     return nullptr;
 }
 
-void LatticeWeights::sum(const Batch &batch, Reals &scratch, const Rows &out) const {
+void LatticeWeights::sum(const Batch &batch, const Range &, Reals &scratch, const Rows &out) const {
     const int count = batch.tile.columns.size(), lanes = round_up(count);
     scratch.assign(2 * std::size_t(lanes), 0);
     Real *sums = scratch.data(), *row_weights = sums + lanes;

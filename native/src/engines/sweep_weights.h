@@ -22,8 +22,10 @@ public:
     virtual bool any(int direction, const Frame &frame, const Box &box) const = 0;
     // Where there is one channel: a direction's weight, null if it varies from voxel to voxel.
     virtual const Real *single(int direction) const = 0;
-    // Adds a batch's weighted sums to the output's rows.
-    virtual void sum(const Batch &batch, Reals &scratch, const Rows &out) const = 0;
+    // Adds a batch's weighted sums to the output's rows: those of the channels of a range, of which
+    // the first one's rows are given. A range is a group of kChannelGroup, or all.
+    virtual void sum(const Batch &batch, const Range &channels, Reals &scratch,
+                     const Rows &out) const = 0;
 };
 
 // The same weights [d, c] at every voxel.
@@ -33,7 +35,8 @@ public:
     int channels() const override { return channels_; }
     bool any(int direction, const Frame &, const Box &) const override;
     const Real *single(int direction) const override;
-    void sum(const Batch &batch, Reals &scratch, const Rows &out) const override;
+    void sum(const Batch &batch, const Range &channels, Reals &scratch,
+             const Rows &out) const override;
 
 private:
     const Real *weights_;
@@ -47,7 +50,8 @@ public:
     int channels() const override { return 1; }
     bool any(int direction, const Frame &frame, const Box &box) const override;
     const Real *single(int direction) const override;
-    void sum(const Batch &batch, Reals &scratch, const Rows &out) const override;
+    void sum(const Batch &batch, const Range &channels, Reals &scratch,
+             const Rows &out) const override;
     // A direction's weights at the `count` voxels from `first` on along an axis.
     void row(int direction, const Index3 &first, int axis, int count, Real *row_weights) const;
 

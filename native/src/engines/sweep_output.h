@@ -1,0 +1,44 @@
+// Where the weighted sums of a tile go.
+#pragma once
+
+#include "sweep_tile.h"
+
+namespace volillum::sweep_detail {
+
+// [channels, n0, n1, n2]. Tiles along k are written to an array of their own and leave transposed.
+class Output {
+public:
+    Output(Real *first, std::ptrdiff_t channel_pitch)
+        : first_(first), channel_pitch_(channel_pitch) {}
+
+    // Calls visit(box, channels) for parts of a tile whose sums can be written and delivered one
+    // after the other: those that leave transposed are small enough for the cache.
+    template <class Visit>
+    static void for_parts(const Frame &frame, const Box &tile, int channels, Visit &&visit) {
+        if (!frame.transposed()) return visit(tile, Range{0, channels});
+        Box row = tile;
+        for (int b = tile.rows.begin; b < tile.rows.end; ++b) {
+            row.rows = {b, b + 1};
+            for (int first = 0; first < channels; first += kChannelGroup)
+                visit(row, Range{first, std::min(first + kChannelGroup, channels)});
+        }
+    }
+
+    // Rows to write the sums of a box's voxels to, of the first of some channels; `result` is room
+    // for them. `add`: whether the output holds what they are to be added to.
+    Rows rows(const Frame &frame, const Box &box, const Range &channels, bool add,
+              Reals &result) const;
+    // Takes what was written there to the output.
+    void deliver(const Frame &frame, const Box &box, const Range &channels, bool add,
+                 const Rows &rows) const;
+
+private:
+    Real *at(const Frame &frame, const Box &box, const Range &channels) const {
+        return first_ + channels.begin * channel_pitch_ +
+               frame.element(box.slices.begin, box.rows.begin, box.columns.begin);
+    }
+    Real *first_;
+    std::ptrdiff_t channel_pitch_;
+};
+
+}  // namespace volillum::sweep_detail
