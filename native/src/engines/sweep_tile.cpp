@@ -23,9 +23,11 @@ Box box_of(const Frame &frame, const Index3 &begin, const Index3 &end) {
 
 bool Block::load(const Frame &frame, const Real *sigma_t, Real largest, const Box &box) {
     box_ = box;
-    // One lane beyond: kernels read whole vectors. An odd number of lanes keeps the rows of a
-    // column in different cache sets.
-    row_pitch_ = round_up(box.columns.size()) + kLanes;
+    // Columns lie in cache lines as those of tiles do, which begin at multiples of a line. One lane
+    // beyond: kernels read whole vectors. An odd number of lines keeps the rows of a column in
+    // different cache sets.
+    phase_ = (box.columns.begin % kLanes + kLanes) % kLanes;
+    row_pitch_ = round_up(phase_ + box.columns.size()) + kLanes;
     if (row_pitch_ / kLanes % 2 == 0) row_pitch_ += kLanes;
     slice_pitch_ = row_pitch_ * box.rows.size();
     const std::size_t size = std::size_t(slice_pitch_) * std::size_t(box.slices.size());

@@ -50,14 +50,14 @@ public:
     bool load(const Frame &frame, const Real *sigma_t, Real largest, const Box &box);
     const Real *at(int t, int b, int c) const {
         return data_.data() + (t - box_.slices.begin) * slice_pitch_ +
-               (b - box_.rows.begin) * row_pitch_ + (c - box_.columns.begin);
+               (b - box_.rows.begin) * row_pitch_ + phase_ + (c - box_.columns.begin);
     }
     std::ptrdiff_t row_pitch() const { return row_pitch_; }
     std::ptrdiff_t slice_pitch() const { return slice_pitch_; }
 
 private:
     Box box_{};
-    std::ptrdiff_t row_pitch_ = 0, slice_pitch_ = 0;
+    std::ptrdiff_t row_pitch_ = 0, slice_pitch_ = 0, phase_ = 0;
     Reals data_;
 };
 
