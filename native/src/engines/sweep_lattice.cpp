@@ -133,12 +133,10 @@ void LatticePlanes::load_row(int slab, int row, int column, int count, Real *hig
     }
 }
 
-void LatticePlanes::fetch_row(int slab, int row_before, int row_after, int column,
-                              int count) const {
+void LatticePlanes::fetch_row(int slab, int row_before, int row_after, const Range &columns) const {
     const auto fetch = [&](const Reals &half, int row) {
         if (row < -1 || row >= rows_) return;
-        const int end = std::min(column + count, columns_);
-        for (int c = std::max(column, -1); c < end; c += kLanes)
+        for (int c = columns.begin; c < columns.end; c += kLanes)
             __builtin_prefetch(half.data() + offset(row, c));
     };
     for (const Reals *half : {high_, low_}) {

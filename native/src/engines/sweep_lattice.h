@@ -66,7 +66,7 @@ public:
     void load_row(int slab, int row, int column, int count, Real *high, Real *low) const;
     // Fetches ahead what load_row and store_row will touch: rows are short for the hardware's
     // prefetching.
-    void fetch_row(int slab, int row_before, int row_after, int column, int count) const;
+    void fetch_row(int slab, int row_before, int row_after, const Range &columns) const;
     // Stores the rays of a row that meet the last slice of `slab` in the columns that a tile owns.
     void store_row(int slab, int row, const Range &columns, const Real *high, const Real *low);
     // Stores zeros for all rays that a tile owns.

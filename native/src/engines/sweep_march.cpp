@@ -114,6 +114,12 @@ void store_row(const March &m, int u) {
                         m.scratch.low.data() + first);
 }
 
+// The i-th of so many parts of a range, whole lines of numbers.
+Range part_of(const Range &range, int i, int parts) {
+    const int size = round_up((range.size() + parts - 1) / parts), begin = range.begin + i * size;
+    return Range{begin, begin + size}.common(range);
+}
+
 }  // namespace
 
 RayRanges rays_of(const Direction &direction, const Box &tile) {
@@ -156,9 +162,6 @@ void march(const March &m) {
         else
             for (Reals *half : {&scratch.high, &scratch.low})
                 std::fill(half->begin(), half->end(), Real(0));
-        if (m.planes)
-            m.planes->fetch_row(m.slab, u + 1 + before.row, u + 1 + scratch.crossings.back().row,
-                                m.tile.columns.begin, m.tile.columns.size());
         if (m.tail) {
             advance_window(scratch.samplers.data(), scratch.tails.data(),
                            Real(m.direction.tail_fraction), end, row, width, scratch.high.data(),
@@ -171,7 +174,14 @@ void march(const March &m) {
             interpolated = end;
         }
         if (m.planes) store_row(m, u);
-        for (int t = written.begin; t < std::min(written.end, slices.begin + end); ++t) {
+        for (int t = slices.begin; t < slices.end; ++t) {
+            // A part of the next row with each slice: together they would be more than the first
+            // level's cache waits for at once.
+            if (m.planes)
+                m.planes->fetch_row(m.slab, u + 1 + before.row,
+                                    u + 1 + scratch.crossings.back().row,
+                                    part_of(m.tile.columns, t - slices.begin, count));
+            if (t < written.begin || t >= written.end || t >= slices.begin + end) continue;
             const Crossing &here = scratch.crossings[std::size_t(t - slices.begin)];
             const int b = u + here.row;
             if (b >= rows.begin - 1 && b < rows.end)
