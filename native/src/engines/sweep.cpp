@@ -158,7 +158,8 @@ private:
     // One weight a direction: each adds itself to the output.
     void sum_at_once(const Tile &tile) {
         const Frame &frame = tile.pass.frame;
-        Rows rows = out_.rows(frame, tile.wanted, {0, 1}, written_, tile.space.result);
+        const bool apart = tile.pass.directions.size() > kFewDirections;
+        Rows rows = out_.rows(frame, tile.wanted, {0, 1}, written_, apart, tile.space.result);
         double in_the_clear = 0;  // the sum over directions along which there is nothing
         for (std::size_t d = 0; d < tile.pass.directions.size(); ++d) {
             if (tile.need(d) == Need::nothing) continue;
@@ -172,6 +173,7 @@ private:
             else
                 in_the_clear += weight * empty_value();
         }
+        if (in_the_clear == 0 && !rows.add && written_) return;  // there is nothing to add
         if (in_the_clear != 0 || !rows.add) fill(tile.wanted, Real(in_the_clear), rows);
         out_.deliver(frame, tile.wanted, {0, 1}, written_, rows);
     }
@@ -200,7 +202,8 @@ private:
         const auto write = [&](const auto &sums) {
             Output::for_parts(
                 frame, box, weights_.channels(), [&](const Box &part, const Range &channels) {
-                    const Rows rows = out_.rows(frame, part, channels, add, tile.space.result);
+                    const Rows rows =
+                        out_.rows(frame, part, channels, add, false, tile.space.result);
                     sums(part, channels, rows);
                     out_.deliver(frame, part, channels, add, rows);
                 });

@@ -124,4 +124,13 @@ VOLILLUM_DISPATCH void transpose_out(const Real *source, std::ptrdiff_t slice_pi
         }
 }
 
+VOLILLUM_DISPATCH void take_row(const Real *source, int count, bool add, Real *target) {
+    const Real *__restrict from = source;
+    Real *__restrict to = target;
+    if (add)
+        for (int c = 0; c < count; ++c) to[c] += from[c];
+    else
+        for (int c = 0; c < count; ++c) to[c] = from[c];
+}
+
 }  // namespace volillum::sweep_detail

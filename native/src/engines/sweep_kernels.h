@@ -23,6 +23,9 @@ void transpose_out(const Real *source, std::ptrdiff_t slice_pitch, int slices, i
                    bool backward, bool add, Real *target, std::ptrdiff_t column_stride,
                    std::ptrdiff_t next);
 
+// target[c] = or += source[c].
+void take_row(const Real *source, int count, bool add, Real *target);
+
 // How lattice rays sample a slice: all at the same place between four voxels.
 struct Bilinear {
     const Real *first;     // the upper left voxel of the first lattice row and column

@@ -2,10 +2,10 @@
 
 namespace volillum::sweep_detail {
 
-Rows Output::rows(const Frame &frame, const Box &box, const Range &channels, bool add,
+Rows Output::rows(const Frame &frame, const Box &box, const Range &channels, bool add, bool apart,
                   Reals &result) const {
     Real *to = at(frame, box, channels);
-    if (!frame.transposed())
+    if (!frame.transposed() && !apart)
         return {.first = to,
                 .first_slice = box.slices.begin,
                 .first_row = box.rows.begin,
@@ -34,15 +34,22 @@ Rows Output::rows(const Frame &frame, const Box &box, const Range &channels, boo
 
 void Output::deliver(const Frame &frame, const Box &box, const Range &channels, bool add,
                      const Rows &rows) const {
-    if (!frame.transposed() || box.empty()) return;
-    Rows from = rows;
     Real *to = at(frame, box, channels);
+    if (rows.first == to || box.empty()) return;  // it is there already
+    Rows from = rows;
     for (int channel = channels.begin; channel < channels.end; ++channel) {
-        for (int b = box.rows.begin; b < box.rows.end; ++b)
-            transpose_out(from.at(box.slices.begin, b), from.slice_pitch, box.slices.size(),
-                          box.columns.size(), frame.forward, add,
-                          to + (b - box.rows.begin) * frame.row_stride, frame.column_stride,
-                          frame.row_stride);
+        if (frame.transposed())
+            for (int b = box.rows.begin; b < box.rows.end; ++b)
+                transpose_out(from.at(box.slices.begin, b), from.slice_pitch, box.slices.size(),
+                              box.columns.size(), frame.forward, add,
+                              to + (b - box.rows.begin) * frame.row_stride, frame.column_stride,
+                              frame.row_stride);
+        else
+            box.for_rows(frame, [&](int t, int b) {
+                take_row(from.at(t, b), box.columns.size(), add,
+                         to + (t - box.slices.begin) * frame.slice_stride +
+                             (b - box.rows.begin) * frame.row_stride);
+            });
         from.first += from.channel_pitch;
         to += channel_pitch_;
     }

@@ -5,7 +5,9 @@
 
 namespace volillum::sweep_detail {
 
-// [channels, n0, n1, n2]. Tiles along k are written to an array of their own and leave transposed.
+// [channels, n0, n1, n2]. The sums of a tile are made in an array of their own where they leave
+// transposed, along k, or where so many directions add to them that it pays to have their rows
+// begin with a cache line: those of numpy's arrays do not.
 class Output {
 public:
     Output(Real *first, std::ptrdiff_t channel_pitch)
@@ -25,8 +27,9 @@ public:
     }
 
     // Rows to write the sums of a box's voxels to, of the first of some channels; `result` is room
-    // for them. `add`: whether the output holds what they are to be added to.
-    Rows rows(const Frame &frame, const Box &box, const Range &channels, bool add,
+    // for them, to be used if `apart` or they leave transposed. `add`: whether the output holds
+    // what they are to be added to.
+    Rows rows(const Frame &frame, const Box &box, const Range &channels, bool add, bool apart,
               Reals &result) const;
     // Takes what was written there to the output.
     void deliver(const Frame &frame, const Box &box, const Range &channels, bool add,
