@@ -86,7 +86,7 @@ private:
     }
 
     void march_pass(const Pass &pass, double progress_begin, double progress_end) {
-        const Tiling tiling(pass.frame, pass.directions.size(), !weights_.single(0));
+        const Tiling tiling(pass.frame, pass.directions.size());
         std::vector<LatticePlanes> planes(pass.directions.size());
         if (tiling.slabs > 1)
             for (LatticePlanes &plane : planes) plane.resize(tiling);

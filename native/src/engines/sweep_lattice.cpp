@@ -7,15 +7,16 @@ namespace volillum::sweep_detail {
 namespace {
 
 // Measured on 256^3. Whole rows suit the memory's prefetching; slabs of 8 keep the skew of a tile's
-// rays small; high tiles have little overlap, low ones leave room in the second-level cache for the
-// results of a batch of directions. Larger batches touch the output less often. Slices that are
-// contiguous in memory come by whole cache lines: by two where they are all that is waited for. For
-// many directions one is as fast, and each thread holds half as much.
+// rays small; high tiles have little overlap, low ones leave the sums of many directions in the
+// second-level cache. The values of a batch of directions for several channels are more than that
+// holds: smaller tiles or batches would take longer, because rays beside the tile are marched again
+// and the output is touched again. Slices that are contiguous in memory come by whole cache lines:
+// by two where they are all that is waited for. For many directions one is as fast, and each thread
+// holds half as much.
 constexpr int kSlabSlices = 8, kTransposedSlab = kLanes, kHighTransposedSlab = 2 * kLanes,
               kTileColumns = 256;
-constexpr int kFewDirections = 3, kHighTile = 64, kMiddleTile = 32, kLowTile = 16,
-              kLowTransposedTile = 8;
-constexpr int kBatchBytes = 2 * 1024 * 1024, kLargestBatch = 16;
+constexpr int kFewDirections = 3, kHighTile = 64, kLowTile = 32;
+constexpr int kBatchBytes = 8 * 1024 * 1024, kLargestBatch = 16;
 
 // Large arrays of numpy and malloc lie this far behind the begin of a cache line, and a slab that
 // comes and goes by whole lines takes four fifths of the time. Not asked of the very array: where
@@ -37,11 +38,10 @@ int even_tile(int size, int largest, int multiple) {
 
 }  // namespace
 
-Tiling::Tiling(const Frame &frame_, std::size_t directions, bool batches) : frame(frame_) {
+Tiling::Tiling(const Frame &frame_, std::size_t directions) : frame(frame_) {
     const bool few = directions <= kFewDirections;
     slab_slices = !frame.transposed() ? kSlabSlices : few ? kHighTransposedSlab : kTransposedSlab;
-    const int low = frame.transposed() ? kLowTransposedTile : kLowTile;
-    tile_rows = even_tile(frame.rows, few ? kHighTile : batches ? low : kMiddleTile, 1);
+    tile_rows = even_tile(frame.rows, few ? kHighTile : kLowTile, 1);
     tile_columns = even_tile(frame.columns, kTileColumns, kLanes);
     slab_offset = frame.transposed() ? line_offset(frame, slab_slices) : 0;
     slabs = (slab_offset + frame.slices + slab_slices - 1) / slab_slices;

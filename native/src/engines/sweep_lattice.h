@@ -15,8 +15,7 @@ struct Tiling {
     int slabs, row_tiles, column_tiles;
     int batch;  // directions whose results are held at once
 
-    // `batches`: whether the directions' values are held until some are summed together.
-    Tiling(const Frame &frame_, std::size_t directions, bool batches);
+    Tiling(const Frame &frame_, std::size_t directions);
     Box box(int slab, int tile) const;
     // The part of the grid that the rays and near fields of a tile touch.
     Box reach(const Box &tile, const Pass &pass) const;
