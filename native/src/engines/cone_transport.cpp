@@ -149,37 +149,43 @@ private:
         const auto [extinction, slice, row] = place;
         Slice &here = slices_.at(slice);
         RayStates &states = states_[extinction];
-        const RayStates::Lines lines = states.lines(row);
+        const RayStates::Lines lines = states.lines(row), lines_below = states.lines(row + 1);
         const RayRow own = here.sums.at(row), next = here.sums.at(row + 1);
         const SliceRows rows = here.planes_of(extinction).rows(row);
-        // Of the slice before, those that rays come from: `skew` says how far they move at most.
-        std::array<SliceRows, 2 * kMostSkew - 1> before;
+        // Where rays come from on the slice before: `skew` says how many rows they move at most.
+        struct Origin {
+            SliceRows rows;
+            Span rays;
+        };
+        std::array<Origin, 2 * kMostSkew - 1> origins;
         SlicePlanes &planes_before = slices_.at(slice - 1).planes_of(extinction);
         for (int shift = 1 - plan_.skew; shift < plan_.skew; ++shift)
-            before[std::size_t(shift + plan_.skew - 1)] = planes_before.rows(row - shift);
+            origins[std::size_t(shift + plan_.skew - 1)] = {planes_before.rows(row - shift),
+                                                            lattice_.rays(slice - 1, row - shift)};
         const int first_column = lattice_.first_column(slice);
         // The same memory, by the columns of the slice before.
         const int moved = first_column - lattice_.first_column(slice - 1);
         const bool settled = plan_.begins_slab(slice);
         const Span lanes = whole_lanes(rays);
+        RayRow state = state_of(place, 0, lines);
         for (std::size_t d = 0; d < rays_.size(); ++d) {
             const Slice::Move &move = here.moves[d];
-            const int row_shift = move.here.row - move.before.row;
+            const Origin &origin =
+                origins[std::size_t(move.here.row - move.before.row + plan_.skew - 1)];
             const int shift = move.here.column - move.before.column;
-            const RayRow state = state_of(place, d, lines);
-            renew(state, moved, !settled, lattice_.rays(slice - 1, row - row_shift),
-                  {rays.begin - shift, rays.end - shift});
+            renew(state, moved, !settled, origin.rays, {rays.begin - shift, rays.end - shift});
+            const RayRow soon = d + 1 < rays_.size() ? state_of(place, d + 1, lines)
+                                                     : state_of(place, 0, lines_below);
             StepRow step{state,
                          {},
                          shift - moved,
                          shift,
-                         before[std::size_t(row_shift + plan_.skew - 1)],
+                         origin.rows,
                          rows,
                          Taps(move.before.row_fraction, move.before.column_fraction),
                          Taps(move.here.row_fraction, move.here.column_fraction),
                          rays_[d].length,
-                         d + 1 < rays_.size() ? state_of(place, d + 1, lines)
-                                              : state_of(place, 0, states.lines(row + 1))};
+                         soon};
             for (int i = 0; i < plan_.albedos; ++i)
                 step.missing[i] = settled ? states.settled(first_column) : state.missing[i];
             if (scene_.lamp) lamp_.end(slice, row, move.here, d, rays, step);
@@ -192,6 +198,7 @@ private:
                 add.next_weights = here.weights.at(row + 1, d);
             }
             add_row(add, plan_.albedos, lanes.begin, lanes.end - lanes.begin);
+            state = soon;
         }
     }
 

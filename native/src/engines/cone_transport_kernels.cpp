@@ -66,10 +66,10 @@ VOLILLUM_INLINE void step(const StepRow &row, const StepLines<Albedos> &lines, i
         per_lost[Packs];
     const auto at = [=](int p) { return first + p * lanes_of<Pack>; };
     for (int p = 0; p < Packs; ++p) {
-        __builtin_prefetch(row.next.seen + at(p), 1);
+        __builtin_prefetch(row.soon.seen + at(p), 1);
         for (int i = 0; i < Albedos; ++i) {
-            __builtin_prefetch(row.next.known[i] + at(p), 1);
-            __builtin_prefetch(row.next.missing[i] + at(p), 1);
+            __builtin_prefetch(row.soon.known[i] + at(p), 1);
+            __builtin_prefetch(row.soon.missing[i] + at(p), 1);
         }
     }
     for (int p = 0; p < Packs; ++p) {

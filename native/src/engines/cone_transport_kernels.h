@@ -42,14 +42,14 @@ struct RayRow {
 };
 
 struct StepRow {
-    RayRow rays;
+    const RayRow &rays;
     const Real *missing[kMostAlbedos];  // on the slice before, placed as `rays`
     int shift;            // elements that rays move by: what is to be at c was at c - shift
     int shift_of_before;  // and columns
     const SliceRows &before, &here;  // at column 0; here.in_scattered is not read
     Taps taps_before, taps_here;
     Real length;
-    RayRow next;  // rays whose turn is next: they are fetched meanwhile
+    const RayRow &soon;  // rays whose turn is next: they are fetched meanwhile
     // Rays end at a lamp: the share of the step that lies before it is start - c * slope, from 0
     // to 1.
     bool ends = false;
@@ -58,16 +58,16 @@ struct StepRow {
 
 // L_i is known now: `known` becomes the radiance.
 struct SettleRow {
-    RayRow rays;  // at column 0, as `here`, of which L_i is read
+    const RayRow &rays;  // at column 0, as `here`, of which L_i is read
     const SliceRows &here;
     Taps taps;
 };
 
 // Sums over directions at the lattice points of two neighbouring rows.
 struct AddRow {
-    RayRow rays;
+    const RayRow &rays;
     Real row_fraction, column_fraction, weight;
-    RayRow own, next;
+    const RayRow &own, &next;
     // Null, or weights of the two rows' points, beside `weight`.
     const Real *own_weights = nullptr, *next_weights = nullptr;
 };

@@ -1,6 +1,7 @@
 #include "cone_transport_voxels.h"
 
 #include <algorithm>
+#include <array>
 #include <limits>
 #include <stdexcept>
 #include <string>
@@ -15,6 +16,9 @@ namespace {
 // Where less than this share of the light met matter, what of it is lost does not show.
 constexpr Real kLeast = Real(1e-5);
 
+// Voxels that are written together: while one pack waits for its logarithms others go on. And room
+// for a whole pack behind the last.
+constexpr int kBatch = 4 * kLanes, kMostVoxels = kBatch + kLanes;
 // Rows of voxels whose memory is fetched ahead of those that are written.
 constexpr int kRowsAhead = 8;
 
@@ -29,11 +33,12 @@ VOLILLUM_INLINE int whole(double position) {
 
 // The lattice points about voxels. `positions` in the lattice, their slices counted from the first
 // of `starts`; `starts` are those of rows, at column 0.
-VOLILLUM_DISPATCH void find(const double (*positions)[2 * kLanes], const int *starts, int rows,
-                            Lookups &near) {
+VOLILLUM_DISPATCH void find(const double (*positions)[kMostVoxels], int first, const int *starts,
+                            int rows, Lookups &near) {
     VOLILLUM_NO_ALIAS
     for (int voxel = 0; voxel < kLanes; ++voxel) {
-        const double s = positions[0][voxel], r = positions[1][voxel], c = positions[2][voxel];
+        const double s = positions[0][first + voxel], r = positions[1][first + voxel],
+                     c = positions[2][first + voxel];
         const int slice = whole(s), row = whole(r), column = whole(c);
         const auto fraction = [](double position, int low) {
             const double above = position - low;
@@ -92,7 +97,7 @@ VOLILLUM_INLINE void depth_of(const Pack &x, Pack &depth) {
 // Both are exact without absorption and without scattering. The mean of the two.
 void follow(const Real *exact, const Real *seen, Real *solved) {
     in_packs([=]<class Pack>(Width<Pack>) VOLILLUM_LAMBDA {
-        for (int v = 0; v < kLanes; v += lanes_of<Pack>) {
+        for (int v = 0; v < kBatch; v += lanes_of<Pack>) {
             const Pack t = pack<Pack>(exact + v), s = pack<Pack>(seen + v),
                        l = pack<Pack>(solved + v);
             const Pack met = 1 - s > kLeast ? 1 - s : Pack{} + kLeast;
@@ -138,9 +143,8 @@ void Solutions::resize(const MarchPlan &plan, std::size_t most_points, bool with
 struct VoxelWriter::Batch {
     int count = 0;
     std::vector<int> starts;
-    // With room for a whole batch behind what is there.
-    std::ptrdiff_t voxels[2 * kLanes];
-    double positions[3][2 * kLanes];
+    std::ptrdiff_t voxels[kMostVoxels];
+    double positions[3][kMostVoxels];
 
     // Some of a row's voxels, from k on, at most kLanes; `row` and `start` are at k = 0. Where a
     // voxel lies depends on its k alone, so that it has the same bits in every batch.
@@ -199,10 +203,10 @@ void VoxelWriter::write(int slab, Real *out) const {
             const std::ptrdiff_t row = (std::ptrdiff_t(i) * shape[1] + j) * shape[2];
             if (begin < end) fetch(row + kRowsAhead * shape[2] + begin, out);
             for (int k = begin; k < end;) {
-                const int some = std::min(end - k, kLanes - batch.count);
+                const int some = std::min({end - k, kLanes, kBatch - batch.count});
                 batch.append(row, start, step, first, k, some);
                 k += some;
-                if (batch.count == kLanes) write(batch, out);
+                if (batch.count == kBatch) write(batch, out);
             }
         }
     }
@@ -223,18 +227,23 @@ void VoxelWriter::write(Batch &batch, Real *out) const {
     const std::ptrdiff_t voxels = voxels_of(scene_);
     const int count = batch.count;
     for (auto &positions : batch.positions)
-        std::fill(positions + count, positions + kLanes, positions[count - 1]);
-    Lookups near;
-    alignas(64) Real solved[kLanes], seen[kLanes], exact[kLanes] = {};
-    find(batch.positions, batch.starts.data(), lattice_.rows, near);
+        std::fill(positions + count, positions + kBatch, positions[count - 1]);
+    std::array<Lookups, kBatch / kLanes> near;
+    for (std::size_t p = 0; p < near.size(); ++p)
+        find(batch.positions, int(p) * kLanes, batch.starts.data(), lattice_.rows, near[p]);
+    const auto mean = [&](const Real *solutions, Real *values) {
+        for (std::size_t p = 0; p < near.size(); ++p)
+            look_up(solutions, near[p], values + p * kLanes);
+    };
+    alignas(64) Real solved[kBatch], seen[kBatch], exact[kBatch] = {};
     for (std::size_t e = 0; e < std::size_t(scene_.extinctions); ++e) {
         if (scene_.transmittance) {
-            look_up(solutions_.seen(e), near, seen);
+            mean(solutions_.seen(e), seen);
             const Real *const transmittance = scene_.transmittance + std::ptrdiff_t(e) * voxels;
             for (int v = 0; v < count; ++v) exact[v] = transmittance[batch.voxels[v]];
         }
         for (int i = 0; i < solutions_.albedos(); ++i, out += voxels) {
-            look_up(solutions_.in_scattered(e, i), near, solved);
+            mean(solutions_.in_scattered(e, i), solved);
             if (scene_.transmittance) follow(exact, seen, solved);
             for (int v = 0; v < count; ++v) out[batch.voxels[v]] = solved[v];
         }
