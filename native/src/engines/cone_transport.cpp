@@ -167,6 +167,8 @@ private:
         const int moved = first_column - lattice_.first_column(slice - 1);
         const bool settled = plan_.begins_slab(slice);
         const Span lanes = whole_lanes(rays);
+        std::array<AddRow, kAdded> stepped;
+        std::size_t added = 0;
         RayRow state = state_of(place, 0, lines);
         for (std::size_t d = 0; d < rays_.size(); ++d) {
             const Slice::Move &move = here.moves[d];
@@ -190,14 +192,17 @@ private:
                 step.missing[i] = settled ? states.settled(first_column) : state.missing[i];
             if (scene_.lamp) lamp_.end(slice, row, move.here, d, rays, step);
             step_row(step, plan_.albedos, lanes.begin, lanes.end - lanes.begin);
-            AddRow add{
-                state, move.here.row_fraction, move.here.column_fraction, rays_[d].weight, own,
-                next};
+            AddRow &add = stepped[added++];
+            add = {state, move.here.row_fraction, move.here.column_fraction, rays_[d].weight};
             if (scene_.local_weights) {
                 add.own_weights = here.weights.at(row, d);
                 add.next_weights = here.weights.at(row + 1, d);
             }
-            add_row(add, plan_.albedos, lanes.begin, lanes.end - lanes.begin);
+            if (added == kAdded || d + 1 == rays_.size()) {
+                add_rows(stepped.data(), int(added), own, next, plan_.albedos, lanes.begin,
+                         lanes.end - lanes.begin);
+                added = 0;
+            }
             state = soon;
         }
     }

@@ -161,30 +161,46 @@ VOLILLUM_INLINE void settle_all(const SettleRow &row, int albedos, int begin, in
         }
 }
 
-template <class Pack, bool local>
-VOLILLUM_INLINE void add(const Real *value, const AddRow &row, int begin, int count, Real *own,
-                         Real *next) {
-    const Real f = row.row_fraction, g = row.column_fraction;
-    const Real before = row.weight * g, at = row.weight * (1 - g), here = 1 - f;
+template <class Pack, bool local, int Directions>
+VOLILLUM_INLINE void add(const AddRow *rows, const Real *const *values, int begin, int count,
+                         Real *own, Real *next) {
+    Real before[Directions], at[Directions], here[Directions], below[Directions];
+    for (int d = 0; d < Directions; ++d) {
+        before[d] = rows[d].weight * rows[d].column_fraction;
+        at[d] = rows[d].weight * (1 - rows[d].column_fraction);
+        here[d] = 1 - rows[d].row_fraction;
+        below[d] = rows[d].row_fraction;
+    }
     for (int c = begin; c < begin + count; c += lanes_of<Pack>) {
-        const Pack mean = before * pack<Pack>(value + c - 1) + at * pack<Pack>(value + c);
-        Pack for_own = here * mean, for_next = f * mean;
-        if constexpr (local) {
-            for_own *= pack<Pack>(row.own_weights + c);
-            for_next *= pack<Pack>(row.next_weights + c);
+        Pack own_sum = pack<Pack>(own + c), next_sum = pack<Pack>(next + c);
+        for (int d = 0; d < Directions; ++d) {
+            const Pack mean =
+                before[d] * pack<Pack>(values[d] + c - 1) + at[d] * pack<Pack>(values[d] + c);
+            Pack for_own = here[d] * mean, for_next = below[d] * mean;
+            if constexpr (local) {
+                for_own *= pack<Pack>(rows[d].own_weights + c);
+                for_next *= pack<Pack>(rows[d].next_weights + c);
+            }
+            own_sum = own_sum + for_own;
+            next_sum = next_sum + for_next;
         }
-        pack<Pack>(own + c) = pack<Pack>(own + c) + for_own;
-        pack<Pack>(next + c) = pack<Pack>(next + c) + for_next;
+        pack<Pack>(own + c) = own_sum;
+        pack<Pack>(next + c) = next_sum;
     }
 }
 
-template <class Pack, bool local>
-VOLILLUM_INLINE void add_all(const AddRow &row, int albedos, int begin, int count) {
-    add<Pack, local>(row.rays.seen, row, begin, count, row.own.seen, row.next.seen);
+template <class Pack, bool local, int Directions>
+VOLILLUM_INLINE void add_all(const AddRow *rows, const RayRow &own, const RayRow &next, int albedos,
+                             int begin, int count) {
+    const auto add_each = [&](auto quantity) VOLILLUM_LAMBDA {
+        const Real *values[Directions];
+        for (int d = 0; d < Directions; ++d) values[d] = quantity(rows[d].rays);
+        add<Pack, local, Directions>(rows, values, begin, count, quantity(own), quantity(next));
+    };
+    add_each([](const RayRow &row) VOLILLUM_LAMBDA { return row.seen; });
     for (int i = 0; i < albedos; ++i) {
-        add<Pack, local>(row.rays.known[i], row, begin, count, row.own.known[i], row.next.known[i]);
-        add<Pack, local>(row.rays.missing[i], row, begin, count, row.own.missing[i],
-                         row.next.missing[i]);
+        add_each([=](const RayRow &row) VOLILLUM_LAMBDA { return row.known[i]; });
+        add_each([=](const RayRow &row) VOLILLUM_LAMBDA { return row.missing[i]; });
     }
 }
 
@@ -194,10 +210,12 @@ void step_in_packs(const StepRow &row, int begin, int count) {
                  VOLILLUM_LAMBDA { step_all<Pack, Albedos, ends>(row, begin, count); });
 }
 
-template <bool local>
-void add_in_packs(const AddRow &row, int albedos, int begin, int count) {
-    in_packs([=, &row]<class Pack>(Width<Pack>)
-                 VOLILLUM_LAMBDA { add_all<Pack, local>(row, albedos, begin, count); });
+template <bool local, int Directions>
+void add_in_packs(const AddRow *rows, const RayRow &own, const RayRow &next, int albedos, int begin,
+                  int count) {
+    in_packs([=, &own, &next]<class Pack>(Width<Pack>) VOLILLUM_LAMBDA {
+        add_all<Pack, local, Directions>(rows, own, next, albedos, begin, count);
+    });
 }
 
 }  // namespace
@@ -214,8 +232,15 @@ void settle_row(const SettleRow &row, int albedos, int begin, int count) {
                  VOLILLUM_LAMBDA { settle_all<Pack>(row, albedos, begin, count); });
 }
 
-void add_row(const AddRow &row, int albedos, int begin, int count) {
-    (row.own_weights ? add_in_packs<true> : add_in_packs<false>)(row, albedos, begin, count);
+void add_rows(const AddRow *rows, int directions, const RayRow &own, const RayRow &next,
+              int albedos, int begin, int count) {
+    const bool local = rows->own_weights;
+    if (directions == kAdded)
+        return (local ? add_in_packs<true, kAdded>
+                      : add_in_packs<false, kAdded>)(rows, own, next, albedos, begin, count);
+    for (int d = 0; d < directions; ++d)
+        (local ? add_in_packs<true, 1> : add_in_packs<false, 1>)(rows + d, own, next, albedos,
+                                                                 begin, count);
 }
 
 VOLILLUM_DISPATCH void expand_row(const Real *nodes, int spacing, int begin, int count,

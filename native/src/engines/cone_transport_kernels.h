@@ -63,23 +63,26 @@ struct SettleRow {
     Taps taps;
 };
 
-// Sums over directions at the lattice points of two neighbouring rows.
+// A direction's part in the sums over directions at the lattice points of two neighbouring rows.
 struct AddRow {
-    const RayRow &rays;
+    RayRow rays;
     Real row_fraction, column_fraction, weight;
-    const RayRow &own, &next;
     // Null, or weights of the two rows' points, beside `weight`.
     const Real *own_weights = nullptr, *next_weights = nullptr;
 };
+// Directions that are added together: the sums are read and written once for all of them.
+constexpr int kAdded = 4;
 
 // Takes the rays of the columns [begin, begin + count), whole lanes, from slice to slice, in place.
 void step_row(const StepRow &row, int albedos, int begin, int count);
 
 void settle_row(const SettleRow &row, int albedos, int begin, int count);
 
-// Adds weight * (rays interpolated at lattice points). Lattice points lie before the rays of their
-// own column and row, so a row of rays counts for its own row of points and the next.
-void add_row(const AddRow &row, int albedos, int begin, int count);
+// Adds weight * (rays interpolated at lattice points) of at most kAdded directions, one after the
+// other. Lattice points lie before the rays of their own column and row, so a row of rays counts
+// for its own row of points and the next.
+void add_rows(const AddRow *rows, int directions, const RayRow &own, const RayRow &next,
+              int albedos, int begin, int count);
 
 // Values that are linear between nodes every `spacing` columns, from column 0 on, for the columns
 // [begin, begin + count).
