@@ -105,8 +105,8 @@ FAULTS = (
     Fault(
         "rays of the half angle that pass a band's border with the sums of the other row",
         "native/src/engines/cone_transport_kernels.cpp",
-        "Pack for_own = here * mean, for_next = f * mean;",
-        "Pack for_own = f * mean, for_next = here * mean;",
+        "Pack for_own = here[d] * mean, for_next = below[d] * mean;",
+        "Pack for_own = below[d] * mean, for_next = here[d] * mean;",
         (
             "tests/native/test_cone_transport.py::test_without_scattering_it_is_the_mean_transmittance",
         ),
