@@ -34,10 +34,10 @@ VOLILLUM_INLINE typename Loose<Pack>::type &pack(Real *p) {
 
 // Keeps what was loaded in a register. GCC otherwise loads again wherever an operation can take its
 // operand from memory, as if that were free; across cache lines it takes twice as long as the
-// operation.
+// operation. Only in versions for an instruction set, where a Pack is a register.
 template <class Pack>
 VOLILLUM_INLINE void in_register([[maybe_unused]] Pack &loaded) {
-#if defined(__x86_64__) && defined(__GNUC__)
+#if defined(VOLILLUM_HAS_TARGETS)
     asm("" : "+v"(loaded));
 #endif
 }
