@@ -28,10 +28,10 @@ VOLILLUM_DISPATCH void look_up_pairs(const Real *values, const Lookups &near, Re
 }
 
 #if defined(VOLILLUM_HAS_TARGETS)
-// Gathering eight pairs at once takes half the time of one after the other. (With AVX2, four at
-// once, it takes as long.) There is no vector code for that but the instructions themselves.
+// Gathering eight pairs at once takes half the time of one after the other; with AVX2, four at once,
+// there is little to gain. There is no vector code for that but the instructions themselves.
 VOLILLUM_TARGET("arch=x86-64-v4")
-void gather_pairs(const Real *values, const Lookups &near, Real *out) {
+void gather_pairs_v4(const Real *values, const Lookups &near, Real *out) {
     constexpr int scale = sizeof(float);
     const __m512i firsts =
         _mm512_setr_epi32(0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
@@ -60,7 +60,7 @@ void gather_pairs(const Real *values, const Lookups &near, Real *out) {
 void look_up(const Real *values, const Lookups &near, Real *out) {
 #if defined(VOLILLUM_HAS_TARGETS)
     if constexpr (std::is_same_v<Real, float>)
-        if (instruction_level() == InstructionLevel::v4) return gather_pairs(values, near, out);
+        if (instruction_level() == InstructionLevel::v4) return gather_pairs_v4(values, near, out);
 #endif
     look_up_pairs(values, near, out);
 }
