@@ -16,10 +16,12 @@ from packaging.utils import parse_wheel_filename
 from project_files import ROOT, make
 
 # Registers that plain x86-64 lacks; a function that names one must be a dispatched version: chosen
-# by the loader, by in_packs, by the transforms for the size of their vectors, or, where its own name
-# ends in a level, by the function beside it.
+# by the loader, by in_packs, by the transforms for the size of their vectors, or, where its own
+# name ends in a level, by the function beside it.
 WIDE_REGISTER = re.compile(r"%[yz]mm\d")
-DISPATCHED = re.compile(r"arch_x86_64_v[34]|pack_detail6run_v[34]I|[a-z]_v[34]E|BytesILi(?:32|64)EE")
+DISPATCHED = re.compile(
+    r"arch_x86_64_v[34]|pack_detail6run_v[34]I|[a-z]_v[34]E|BytesILi(?:32|64)EE"
+)
 FUNCTION = re.compile(r"^[0-9a-f]+ <(.+)>:$")
 
 

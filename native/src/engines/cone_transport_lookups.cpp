@@ -28,8 +28,8 @@ VOLILLUM_DISPATCH void look_up_pairs(const Real *values, const Lookups &near, Re
 }
 
 #if defined(VOLILLUM_HAS_TARGETS)
-// Gathering eight pairs at once takes half the time of one after the other; with AVX2, four at once,
-// there is little to gain. There is no vector code for that but the instructions themselves.
+// Gathering eight pairs at once takes half the time of one after the other; with AVX2, four at
+// once, there is little to gain. There is no vector code for that but the instructions themselves.
 VOLILLUM_TARGET("arch=x86-64-v4")
 void gather_pairs_v4(const Real *values, const Lookups &near, Real *out) {
     constexpr int scale = sizeof(float);
