@@ -72,6 +72,17 @@ def test_environment_image_equals_its_own_function() -> None:
     assert np.allclose(EnvironmentLight(image).harmonics(), wanted, atol=3 * (math.pi / 128) ** 2)
 
 
+def test_a_coarse_image_is_the_same_light_as_a_fine_one() -> None:
+    """A pixel has one radiance: what is split into many is no other image."""
+    coarse = np.random.default_rng(1).random((2, 3, 3))
+    fine = EnvironmentLight(coarse.repeat(128, axis=0).repeat(128, axis=1)).harmonics()
+    scale = np.abs(fine).max()
+    assert np.allclose(EnvironmentLight(coarse).harmonics(), fine, atol=2e-3 * scale)
+    even = EnvironmentLight(np.ones((1, 1, 3))).harmonics()
+    assert even[0] == pytest.approx(math.sqrt(4 * math.pi))
+    assert np.abs(even[1:]).max() < 2e-3
+
+
 def test_environment_rotation_turns_the_light() -> None:
     vectors, _ = latitude_longitude(64, 128)
     image = np.repeat(np.maximum(vectors[..., :1], 0), 3, axis=-1)  # bright toward the image's +x

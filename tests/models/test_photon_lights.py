@@ -67,6 +67,16 @@ def test_the_directions_of_an_image_sum_to_its_light() -> None:
     assert np.all(brightest > 0.9 * 70_000 * (math.pi / 32) ** 2 * math.cos(elevation))
 
 
+def test_half_a_sky_in_two_pixels_has_as_many_directions() -> None:
+    """The first moment of a hemisphere of radiance 1 is pi; of one direction it would be 2 pi."""
+    light = EnvironmentLight(np.array([[[1.0] * 3, [0.0] * 3]]))
+    directions, weights = image_rule(light, 128)
+    assert len(directions) >= 64
+    assert np.allclose(weights.sum(axis=0), 2 * math.pi)
+    # Rectangles of 1 / 64 of a hemisphere, by their middles: 1 / 64 of 2 pi at most, far less here.
+    assert np.allclose(weights[:, 0] @ directions, (0, math.pi, 0), atol=0.02 * math.pi)
+
+
 FAR = np.array([400.0, 300.0, 500.0])
 
 

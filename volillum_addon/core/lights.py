@@ -19,6 +19,8 @@ from . import harmonics
 from .errors import bad, colour, number, unit_vector, vector
 
 Rgb = NDArray[np.float64]
+# Pixels of 3 degrees, whose centres stand for them to 1e-3 in band 3.
+HARMONIC_PIXELS = 64 * 128
 
 
 class Light(Protocol):
@@ -263,11 +265,23 @@ class EnvironmentLight:
             coefficients = np.zeros((harmonics.COUNT, 3))
             coefficients[0] = radiance * math.sqrt(4 * math.pi)
             return coefficients
+        directions, solid_angles, radiance = self.pixels(HARMONIC_PIXELS)
+        weighted = radiance.reshape(-1, 3) * solid_angles.reshape(-1, 1)
+        return np.asarray(harmonics.evaluate(directions.reshape(-1, 3)).T @ weighted)
+
+    def pixels(self, least: int) -> tuple[NDArray[np.float64], NDArray[np.float64], Rgb]:
+        """World directions [h, w, 3] of an image's pixels, solid angles [h, w], radiance [h, w, 3].
+
+        A pixel has one radiance. Those of a coarse image are split until there are `least`.
+        """
+        radiance = np.asarray(self.radiance)
+        parts = math.ceil(math.sqrt(least / (radiance.shape[0] * radiance.shape[1])))
+        if parts > 1:
+            radiance = radiance.repeat(parts, axis=0).repeat(parts, axis=1)
         directions, solid_angles = latitude_longitude(radiance.shape[0], radiance.shape[1])
         if self.rotation is not None:
             directions = directions @ np.asarray(self.rotation)
-        weighted = radiance.reshape(-1, 3) * solid_angles.reshape(-1, 1)
-        return np.asarray(harmonics.evaluate(directions.reshape(-1, 3)).T @ weighted)
+        return directions, solid_angles, radiance
 
 
 def shines(light: Light) -> bool:

@@ -30,7 +30,6 @@ from ..core.lights import (
     Light,
     PointLight,
     SpotLight,
-    latitude_longitude,
 )
 from ..core.medium import Medium
 from ..core.native import native
@@ -43,6 +42,8 @@ Rgb = NDArray[np.float64]
 LEAST_DISC_DIRECTIONS = 16
 # Half of an image's directions go where the light is, half where the solid angle is.
 SPREAD_SHARE = 0.5
+# Pixels for each direction, at least: rectangles of few can only be halved unevenly.
+PIXELS = 4
 
 
 def source(light: Light) -> native.PhotonSource:
@@ -221,11 +222,8 @@ def image_rule(
     Median cut (Debevec 2005): the rectangle of pixels with most of a mixture of light and solid
     angle is halved until there are enough. A sun in a pixel ends with a direction of its own.
     """
-    radiance = np.asarray(light.radiance)
-    height, width = radiance.shape[:2]
-    directions, solid = latitude_longitude(height, width)
-    if light.rotation is not None:
-        directions = directions @ np.asarray(light.rotation)
+    directions, solid, radiance = light.pixels(PIXELS * count)
+    height, width = solid.shape
     power = radiance * solid[..., None]
     bright = power.mean(axis=-1)
     importance = (1 - SPREAD_SHARE) * bright / bright.sum() + SPREAD_SHARE * solid / (4 * math.pi)
