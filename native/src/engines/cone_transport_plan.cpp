@@ -16,7 +16,7 @@ constexpr int kFewestBandRows = 4, kMostBandRows = 64;
 constexpr int kMostSlabSlices = 8;
 // Points whose solutions are held at once, in voxels, extinctions together, which bounds the slabs
 // of many threads: two have whole slabs from 128^3 voxels on, four stay inside four times the input
-// at 96^3.
+// there.
 constexpr double kHeldPoints = 0.375;
 
 // The most rows, or columns, that rays move from slice to slice.
