@@ -12,6 +12,7 @@ import bpy
 import numpy as np
 import pytest
 from recording_layout import RecordingLayout
+from settling import settle
 
 from volillum_addon.bake.vdb import read_vdb
 from volillum_addon.blender import live, live_session, panels, showing, staleness, work
@@ -19,8 +20,6 @@ from volillum_addon.blender.constants import constants, same_nodes
 from volillum_addon.blender.display import show_bake
 from volillum_addon.core.control import Control
 from volillum_addon.models.registry import get
-
-PATIENCE_SECONDS = 120  # against a hang, on a busy machine
 
 
 @pytest.fixture(autouse=True)
@@ -54,21 +53,6 @@ def bakes(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
         monkeypatch.setattr(live, name, counted)
     return done
-
-
-def settle(followed: live.Live) -> list[str]:
-    """Look until all is answered; every message on the way."""
-    begin, messages = time.monotonic(), [followed.message]
-    while True:
-        followed.look()
-        if followed.message != messages[-1]:
-            messages.append(followed.message)
-        if followed.settled:
-            followed.look()  # what the lights alone have changed
-            messages.append(followed.message)
-            return messages
-        assert time.monotonic() - begin < PATIENCE_SECONDS, messages
-        time.sleep(0.005)
 
 
 def placed(scene: bpy.types.Scene, kind: str) -> bpy.types.Object:

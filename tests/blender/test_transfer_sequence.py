@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,6 +11,7 @@ import numpy as np
 import pytest
 from puffs import FRAMES, empty_file, puffs
 from recording_layout import RecordingLayout
+from settling import settle
 
 from volillum_addon.bake.frame_files import files, frame_file
 from volillum_addon.bake.vdb import read_metadata, read_vdb
@@ -274,11 +274,7 @@ def test_live_follows_the_frame(lit: bpy.types.Scene, monkeypatch: pytest.Monkey
     try:
         for frame in (3, 4, 2):
             lit.frame_set(frame)
-            begin = time.monotonic()
-            followed.look()
-            while not followed.settled:
-                followed.look()
-                assert time.monotonic() - begin < 60, followed.message
+            settle(followed)
             shown = Path(bpy.path.abspath(lit.volillum.baked.shown.data.filepath))
             wanted = work.read(lit).scene.trimmed(2).medium.sigma_t.values
             np.testing.assert_array_equal(read_vdb(shown).medium.sigma_t.values, wanted)

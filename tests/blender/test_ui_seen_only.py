@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 import pytest
 from command_line import session
+from settling import settle
 
 from volillum_addon.bake.vdb import read_metadata, read_vdb
 from volillum_addon.blender import live, live_session, staleness, work
@@ -106,12 +107,7 @@ def followed(close: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch) -> Iterato
 def test_live_follows_the_view(close: bpy.types.Scene, followed: live.Live) -> None:
     paths = []
     for _ in range(2):
-        for _ in range(10_000):
-            followed.look()
-            if followed.settled:
-                break
-        else:
-            pytest.fail(followed.message)
+        settle(followed)
         paths.append(close.volillum.baked.path)
         assert "view" in read_metadata(paths[-1])["inputs"]
         close.camera.data.lens *= 1.2
