@@ -73,7 +73,8 @@ private:
     // of the directions does once more takes longer than that saves: touching all channels of the
     // output, or transposing tiles. They may take as much as the grid. Parts are equal.
     std::size_t directions_at_once(const Pass &pass) const {
-        const std::size_t count = pass.directions.size(), reals = LatticePlanes::reals(pass.frame);
+        const std::size_t count = pass.directions.size();
+        const std::size_t reals = LatticePlanes::reals(pass.frame, pass.any_finite());
         const std::size_t best =
             pass.frame.transposed()
                 ? count
@@ -89,7 +90,8 @@ private:
         const Tiling tiling(pass.frame, pass.directions.size());
         std::vector<LatticePlanes> planes(pass.directions.size());
         if (tiling.slabs > 1)
-            for (LatticePlanes &plane : planes) plane.resize(tiling);
+            for (std::size_t d = 0; d < planes.size(); ++d)
+                planes[d].resize(tiling, pass.directions[d].finite);
         const Box wanted = box_of(pass.frame, settings_.wanted_begin, settings_.wanted_end);
         const Needs needs(pass, tiling, weights_, wanted);
         const std::size_t tiles = std::size_t(tiling.row_tiles) * std::size_t(tiling.column_tiles);

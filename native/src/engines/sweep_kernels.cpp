@@ -28,21 +28,22 @@ VOLILLUM_INLINE void sample(const Bilinear &slice, std::ptrdiff_t at, Pack &valu
     value = (1 - slice.row_fraction) * value + slice.row_fraction * lower;
 }
 
-// Within a slab the samples are summed plainly, and only the slab's sum joins the pair high + low:
-// samples are not negative, so each of a few additions errs by a unit of the last place of the
-// slab's own part, and the errors do not grow along the ray. Several packs at a time, because a sum
-// waits for the one before it.
+// Within a slab the samples are summed plainly, and the slab's sum joins those before it: samples
+// are not negative, so that nothing cancels and each of a few additions errs by half a unit of the
+// last place. Rays that end lose samples later on, to the last bit, and need the pair high + low.
+// Several packs at a time, because a sum waits for the one before it.
 template <class Pack, int packs>
 VOLILLUM_INLINE void advance_packs(const Bilinear *samplers, int slices, int row, int v, int width,
                                    Real *across, Real *high, Real *low, Real *depth) {
     constexpr int lanes = lanes_of<Pack>;
     across += v;
     high += v;
-    low += v;
+    if (low) low += v;
     depth += v;
     Pack before[packs], sum[packs];
     for (int i = 0; i < packs; ++i) {
-        before[i] = pack<Pack>(high + i * lanes) + pack<Pack>(low + i * lanes);
+        before[i] = pack<Pack>(high + i * lanes);
+        if (low) before[i] += pack<Pack>(low + i * lanes);
         sum[i] = Pack{};
     }
     for (int t = 0; t < slices; ++t, across += width, depth += width) {
@@ -60,6 +61,10 @@ VOLILLUM_INLINE void advance_packs(const Bilinear *samplers, int slices, int row
         }
     }
     for (int i = 0; i < packs; ++i) {
+        if (!low) {
+            pack<Pack>(high + i * lanes) = before[i] + sum[i];
+            continue;
+        }
         Pack h = pack<Pack>(high + i * lanes), l = pack<Pack>(low + i * lanes);
         add_exactly(h, l, sum[i]);
         pack<Pack>(high + i * lanes) = h;
@@ -97,7 +102,7 @@ VOLILLUM_INLINE void values_at(const Row &r, int c, Pack *q) {
             q[i] = pack<Pack>(r.near + c);
     }
     for (int i = 0; i < packs; ++i) {
-        if constexpr (exponential) exp_negative(q[i]);
+        if constexpr (exponential) exp2_negative(q[i]);
         q[i] *= r.weight;
     }
 }

@@ -40,8 +40,8 @@ void interpolate_across(const Bilinear *samplers, int begin, int end, int row, i
 
 // Marches a row of rays through slices. depth[t * width + v]: optical depth, in slice lengths, from
 // the ray's point on slice t to the border (trapezoid rule); then the slice's own sample joins the
-// sum. `row` counts from the first lattice row. `across` has that row of voxels and leaves with the
-// next.
+// sum, which is high, or high + low unless that is null. `row` counts from the first lattice row.
+// `across` has that row of voxels and leaves with the next.
 void advance(const Bilinear *samplers, int slices, int row, int width, Real *across, Real *high,
              Real *low, Real *depth);
 
@@ -73,7 +73,7 @@ void apply_stencil(const Stencil &stencil, const Real *block, std::ptrdiff_t blo
 // level[c] = left depth[c] + right depth[c + 1], for c < count.
 void level_row(const Real *depth, Real left, Real right, int count, Real *level);
 
-// A row of voxels. out[c] = or += weight Q(c), where Q is a sum, or exp(-sum): of `near` (null:
+// A row of voxels. out[c] = or += weight Q(c), where Q is a sum, or 2^-sum: of `near` (null:
 // none) and, if there is a far field (`depth` is not null), of above level[c] plus here times what
 // level_row makes of `depth`, which takes the place of level[c].
 struct Row {

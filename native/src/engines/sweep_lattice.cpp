@@ -90,14 +90,14 @@ Box tail_reach(const Direction &direction, const Box &tile, const Pass &pass,
             {rays.columns.begin + column_low, rays.columns.end + column_high + 1}};
 }
 
-void LatticePlanes::resize(const Tiling &tiling) {
+void LatticePlanes::resize(const Tiling &tiling, bool pairs) {
     rows_ = tiling.frame.rows;
     columns_ = tiling.frame.columns;
     parts_ = tiling.column_tiles;
     tile_columns_ = tiling.tile_columns;
     for (int generation = 0; generation < 2; ++generation) {
-        high_[generation].resize(reals(tiling.frame) / 4);
-        low_[generation].resize(reals(tiling.frame) / 4);
+        high_[generation].resize(reals(tiling.frame, false) / 2);
+        if (pairs) low_[generation].resize(high_[generation].size());
         filled_[generation].resize(std::size_t(rows_ + 1) * std::size_t(parts_));
     }
 }
@@ -121,7 +121,7 @@ void LatticePlanes::load_row(int slab, int row, int column, int count, Real *hig
     const int inside = std::min(column + count, columns_) - begin;
     const Real *from[2] = {high_[(slab - 1) & 1].data(), low_[(slab - 1) & 1].data()};
     Real *to[2] = {high, low};
-    for (int half = 0; half < 2; ++half) {
+    for (int half = 0; half < (low ? 2 : 1); ++half) {
         if (row < -1 || row >= rows_ || inside <= 0) {
             std::fill_n(to[half], count, Real(0));
             continue;
@@ -140,6 +140,7 @@ void LatticePlanes::fetch_row(int slab, int row_before, int row_after, const Ran
             __builtin_prefetch(half.data() + offset(row, c));
     };
     for (const Reals *half : {high_, low_}) {
+        if (half->empty()) continue;
         if (slab > 0) fetch(half[(slab - 1) & 1], row_before);
         fetch(half[slab & 1], row_after);
     }
@@ -150,7 +151,8 @@ void LatticePlanes::store_row(int slab, int row, const Range &columns, const Rea
     const std::size_t to = offset(row, columns.begin);
     filled_[slab & 1][part(row, columns.begin)] = copy_row(
         high, columns.size(), std::numeric_limits<Real>::max(), 0, high_[slab & 1].data() + to);
-    std::memcpy(low_[slab & 1].data() + to, low, std::size_t(columns.size()) * sizeof(Real));
+    if (low)
+        std::memcpy(low_[slab & 1].data() + to, low, std::size_t(columns.size()) * sizeof(Real));
 }
 
 void LatticePlanes::clear(int slab, const Box &tile) {
@@ -158,8 +160,9 @@ void LatticePlanes::clear(int slab, const Box &tile) {
     for (int row = rows.begin; row < rows.end; ++row) {
         filled_[slab & 1][part(row, columns.begin)] = false;
         for (Reals *half : {&high_[slab & 1], &low_[slab & 1]})
-            std::fill_n(half->begin() + std::ptrdiff_t(offset(row, columns.begin)), columns.size(),
-                        Real(0));
+            if (!half->empty())
+                std::fill_n(half->begin() + std::ptrdiff_t(offset(row, columns.begin)),
+                            columns.size(), Real(0));
     }
 }
 

@@ -48,16 +48,16 @@ struct Tiling {
 Box tail_reach(const Direction &direction, const Box &tile, const Pass &pass,
                const RayRanges &rays);
 
-// One direction's sums of all lattice rays where they cross from slab to slab, each a pair
-// high + low, so that the rounding error does not grow along the ray. They lie by the place where
-// they meet the last slice; rays that have not entered the grid hold 0. Two generations: a tile may
-// still read the old one while its neighbours write the new.
+// One direction's sums of all lattice rays where they cross from slab to slab; of rays that end a
+// pair each, high + low (null: there is no low half). They lie by the place where they meet the
+// last slice; rays that have not entered the grid hold 0. Two generations: a tile may still read
+// the old one while its neighbours write the new.
 class LatticePlanes {
 public:
-    static std::size_t reals(const Frame &frame) {
-        return 4 * std::size_t(frame.rows + 1) * std::size_t(frame.columns + 1);
+    static std::size_t reals(const Frame &frame, bool pairs) {
+        return (pairs ? 4 : 2) * std::size_t(frame.rows + 1) * std::size_t(frame.columns + 1);
     }
-    void resize(const Tiling &tiling);
+    void resize(const Tiling &tiling, bool pairs);
     // Whether any sum differs from 0 of the rays that a tile of `slab` takes over; `crossing` is
     // that of the slice before.
     bool any(int slab, const Crossing &crossing, const RayRanges &rays) const;

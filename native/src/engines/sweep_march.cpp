@@ -24,7 +24,7 @@ void prepare(const March &m) {
                                 tap.row * m.block.row_pitch() + tap.column,
                             0,
                             {}});
-        runs.back().coefficients[runs.back().length++] = tap.coefficient;
+        runs.back().coefficients[runs.back().length++] = tap.coefficient * m.unit();
         last = &tap;
     }
     scratch.near.resize(
@@ -67,7 +67,7 @@ void write_row(const March &m, int t, int b, const Crossing &crossing, const Rea
     const int count = m.wanted.columns.size();
     Row row{};
     if (depth) {
-        const Real length = m.direction.slice_length;
+        const Real length = m.direction.slice_length * m.unit();
         row.depth = depth + (m.wanted.columns.begin - crossing.column - 1 - m.rays.columns.begin);
         row.level = level;
         row.left = length * crossing.column_fraction;
@@ -111,7 +111,7 @@ void store_row(const March &m, int u) {
     if (row < rows.begin || row >= rows.end) return;
     const int first = columns.begin - last.column - m.rays.columns.begin;
     m.planes->store_row(m.slab, row, columns, m.scratch.high.data() + first,
-                        m.scratch.low.data() + first);
+                        m.direction.finite ? m.scratch.low.data() + first : nullptr);
 }
 
 // The i-th of so many parts of a range, whole lines of numbers.
@@ -152,25 +152,26 @@ void march(const March &m) {
     scratch.level.resize(std::size_t(lanes * count));
     scratch.high.assign(std::size_t(width), 0);
     scratch.low.assign(std::size_t(width), 0);
+    Real *high = scratch.high.data(), *low = m.direction.finite ? scratch.low.data() : nullptr;
     const Crossing before = m.direction.crossing(slices.begin - 1);
     int interpolated = 0;  // slices whose row of voxels above the rays is in `across`
     for (int u = m.rays.rows.begin; u < m.rays.rows.end; ++u) {
         const int end = slices_of_row(m, u), row = u - m.rays.rows.begin;
         if (m.slab > 0)
             m.planes->load_row(m.slab, u + before.row, m.rays.columns.begin + before.column, rays,
-                               scratch.high.data(), scratch.low.data());
+                               high, low);
         else
             for (Reals *half : {&scratch.high, &scratch.low})
                 std::fill(half->begin(), half->end(), Real(0));
         if (m.tail) {
             advance_window(scratch.samplers.data(), scratch.tails.data(),
-                           Real(m.direction.tail_fraction), end, row, width, scratch.high.data(),
-                           scratch.low.data(), scratch.depth.data());
+                           Real(m.direction.tail_fraction), end, row, width, high, low,
+                           scratch.depth.data());
         } else {
             interpolate_across(scratch.samplers.data(), interpolated, end, row, width,
                                scratch.across.data());
-            advance(scratch.samplers.data(), end, row, width, scratch.across.data(),
-                    scratch.high.data(), scratch.low.data(), scratch.depth.data());
+            advance(scratch.samplers.data(), end, row, width, scratch.across.data(), high, low,
+                    scratch.depth.data());
             interpolated = end;
         }
         if (m.planes) store_row(m, u);

@@ -2,6 +2,7 @@
 // counted from the far border, and each direction's shear and near-field stencil in it.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <vector>
@@ -65,6 +66,11 @@ struct Pass {
     Frame frame;
     int near_slices;  // at most the number of slices: every ray has left by then
     std::vector<Direction> directions;
+
+    bool any_finite() const {
+        return std::any_of(directions.begin(), directions.end(),
+                           [](const Direction &direction) { return direction.finite; });
+    }
 };
 
 // Throws std::invalid_argument for a singular affine, a direction

@@ -5,6 +5,7 @@
 
 #include "sweep_kernels.h"
 #include "sweep_plan.h"
+#include "volillum/exp_negative.h"
 
 namespace volillum::sweep_detail {
 
@@ -115,6 +116,9 @@ struct March {
     Real weight;
     const Rows &out;
     Scratch &scratch;
+
+    // What optical depths are measured in: their transmittance is a power of 2.
+    Real unit() const { return quantity == Quantity::transmittance ? Real(kLog2E) : Real(1); }
 };
 void march(const March &m);
 
