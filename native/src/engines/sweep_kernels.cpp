@@ -1,8 +1,6 @@
 // Sampling, summing, un-shearing and exponential of one direction's rows, and the weighted sums.
 #include "sweep_kernels.h"
 
-#include "volillum/exp_negative.h"
-
 namespace volillum::sweep_detail {
 namespace {
 
@@ -87,13 +85,14 @@ VOLILLUM_INLINE void emit(const Pack &sums, int count, bool add, Real *out) {
 
 // The values at some packs, one after the other: operations of several are independent.
 template <bool far, bool near, bool exponential, int packs, class Pack>
-VOLILLUM_INLINE void values_at(const Row &r, int c, Pack *q) {
+VOLILLUM_INLINE void values_at(const Row &r, const WeightedPower &power, int c, Pack *q) {
     constexpr int lanes = lanes_of<Pack>;
     for (int i = 0; i < packs; ++i, c += lanes) {
         if constexpr (far) {
             const Pack level =
                 r.left * pack<Pack>(r.depth + c) + r.right * pack<Pack>(r.depth + c + 1);
-            q[i] = r.above * pack<Pack>(r.level + c) + r.here * level;
+            // In this order what must wait for `level` is one fused operation.
+            q[i] = r.here * level + r.above * pack<Pack>(r.level + c);
             pack<Pack>(r.level + c) = level;
         }
         if constexpr (far && near)
@@ -102,32 +101,35 @@ VOLILLUM_INLINE void values_at(const Row &r, int c, Pack *q) {
             q[i] = pack<Pack>(r.near + c);
     }
     for (int i = 0; i < packs; ++i) {
-        if constexpr (exponential) exp2_negative(q[i]);
-        q[i] *= r.weight;
+        if constexpr (exponential)
+            power.apply(q[i]);
+        else
+            q[i] *= r.weight;
     }
 }
 
 template <class Pack, bool far, bool near, bool exponential>
 VOLILLUM_INLINE void finish(const Row &row) {
     constexpr int lanes = lanes_of<Pack>, packs = 2;
-    const Row r = row;  // a copy: stores to `out` do not change it
+    const Row r = row;  // copies: stores to `out` do not change them
+    const WeightedPower power = *row.power;
     const int whole = r.count / (packs * lanes) * (packs * lanes);
     Pack q[packs];
     if (r.add)
         for (int c = 0; c < whole; c += packs * lanes) {
-            values_at<far, near, exponential, packs>(r, c, q);
+            values_at<far, near, exponential, packs>(r, power, c, q);
             for (int i = 0; i < packs; ++i) pack<Pack>(r.out + c + i * lanes) += q[i];
         }
     else
         for (int c = 0; c < whole; c += packs * lanes) {
-            values_at<far, near, exponential, packs>(r, c, q);
+            values_at<far, near, exponential, packs>(r, power, c, q);
             for (int i = 0; i < packs; ++i) {
                 __builtin_prefetch(r.out + c + i * lanes + r.next, 1);
                 pack<Pack>(r.out + c + i * lanes) = q[i];
             }
         }
     for (int c = whole; c < r.count; c += lanes) {
-        values_at<far, near, exponential, 1>(r, c, q);
+        values_at<far, near, exponential, 1>(r, power, c, q);
         emit(q[0], r.count - c, r.add, r.out + c);
     }
 }

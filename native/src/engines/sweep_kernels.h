@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "volillum/real.h"
+#include "volillum/exp_negative.h"
 
 namespace volillum::sweep_detail {
 
@@ -82,6 +82,7 @@ struct Row {
     Real left, right, above, here;
     bool exponential;
     Real weight;
+    const WeightedPower *power;  // of the weight
     bool add;
     int count;
     Real *out;

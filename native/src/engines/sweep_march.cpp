@@ -82,6 +82,7 @@ void write_row(const March &m, int t, int b, const Crossing &crossing, const Rea
     if (!depth || !m.direction.near_field.empty()) row.near = near_row(m, t, b);
     row.exponential = m.quantity == Quantity::transmittance;
     row.weight = m.weight;
+    row.power = &m.power;
     row.add = m.out.add;
     row.count = count;
     row.out = m.out.at(t, b);

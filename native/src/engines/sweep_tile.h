@@ -5,7 +5,6 @@
 
 #include "sweep_kernels.h"
 #include "sweep_plan.h"
-#include "volillum/exp_negative.h"
 
 namespace volillum::sweep_detail {
 
@@ -117,6 +116,7 @@ struct March {
     const Rows &out;
     Scratch &scratch;
 
+    const WeightedPower power{weight};
     // What optical depths are measured in: their transmittance is a power of 2.
     Real unit() const { return quantity == Quantity::transmittance ? Real(kLog2E) : Real(1); }
 };
