@@ -132,7 +132,12 @@ struct Flights {
         accept = to_float(Ints(draw() >> 8)) * 0x1p-24f;
         depth = hit ? next : held ? depth : depth - across;
         state = (hit & possible) | (held & dense) | (crosses & out & outside);
-        // Read long before they are asked for: memory may take its time.
+        // Fetched long before they are read: memory may take its time, and nothing waits for it.
+        for (int l = 0; l < width; ++l) __builtin_prefetch(field.sigma_t + voxel(field, l));
+    }
+
+    // Reads what the last step has fetched.
+    VOLILLUM_INLINE void read(const PhotonField &field) {
         for (int l = 0; l < width; ++l) value[l] = field.sigma_t[voxel(field, l)];
     }
 

@@ -35,7 +35,8 @@ public:
             // Albedos are asked for before any is needed.
             std::uint32_t events[kVectors];
             for (int v = 0; v < kVectors; ++v) {
-                const Vector &some = vectors[v];
+                Vector &some = vectors[v];
+                some.flights.read(field_);
                 events[v] = some.flights.events(!Chromatic && !context_.points) & some.live;
                 for (std::uint32_t bits = events[v]; bits; bits &= bits - 1)
                     __builtin_prefetch(field_.sigma_s +
