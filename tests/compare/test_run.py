@@ -74,7 +74,7 @@ def test_path_tracing_has_the_error_of_its_noise(run: Run) -> None:
 
 
 def test_a_model_s_ladder_is_measured_as_far_as_the_budget_reaches(tmp_path: Path) -> None:
-    options = replace(OPTIONS, ladder=True, baselines=0)
+    options = replace(OPTIONS, ladder=True, baselines=0, rung_seconds=1e9)
     model = "multidirectional_occlusion"
     found = compare(FakeRenderer(synthetic_scene(), 20, 16), [model], options, tmp_path)
     ladder = found.models[0].ladder
