@@ -1,6 +1,8 @@
 // Sampling, summing, un-shearing and exponential of one direction's rows, and the weighted sums.
 #include "sweep_kernels.h"
 
+#include <type_traits>
+
 namespace volillum::sweep_detail {
 namespace {
 
@@ -224,43 +226,44 @@ void emit_constant(Real value, int count, bool add, Real *out) {
 
 namespace {
 
-void weigh_one(const Real *values, std::size_t value_stride, int directions, const Real *weights,
-               int count, bool add, Real *out, const Ahead &ahead) {
-    in_packs([=]<class Pack>(Width<Pack>) VOLILLUM_LAMBDA {
-        for (int i = 0; i < count; i += lanes_of<Pack>) {
-            const Real *p = values + i;
-            Pack s = weights[0] * pack<Pack>(p);
-            for (int d = 1; d < directions; ++d)
-                s += weights[d * kChannelGroup] * pack<Pack>(p += value_stride);
-            __builtin_prefetch(ahead.first + i / kLanes * ahead.step, 1);
-            emit(s, count - i, add, out + i);
+// The sums of some packs: as many chains of additions, which wait for themselves, as channels times
+// packs, and a weight serves all of the packs. Each direction's values are a stream of their own,
+// more than the hardware foresees.
+template <int channels, int packs, class Pack>
+VOLILLUM_INLINE void weigh_packs(const Real *values, std::size_t value_stride, int directions,
+                                 const Real *weights, Pack *sums) {
+    for (int i = 0; i < channels * packs; ++i) sums[i] = Pack{};
+    for (int d = 0; d < directions; ++d, values += value_stride, weights += kChannelGroup) {
+        for (int p = 0; p < packs; ++p) {
+            __builtin_prefetch(values + p * lanes_of<Pack> + 2 * kLanes);
+            Pack value = pack<Pack>(values + p * lanes_of<Pack>);
+            in_register(value);
+            for (int channel = 0; channel < channels; ++channel)
+                sums[channel * packs + p] += weights[channel] * value;
         }
-    });
+    }
 }
 
-void weigh_group(const Real *values, std::size_t value_stride, int directions, const Real *weights,
-                 int channels, int count, bool add, Real *out, std::ptrdiff_t out_stride,
-                 const Ahead &ahead) {
+template <int channels>
+void weigh(const Real *values, std::size_t value_stride, int directions, const Real *weights,
+           int written, int count, bool add, Real *out, std::ptrdiff_t out_stride,
+           const Ahead &ahead) {
     in_packs([=]<class Pack>(Width<Pack>) VOLILLUM_LAMBDA {
-        for (int i = 0; i < count; i += lanes_of<Pack>) {
-            const Real *p = values + i, *w = weights;
-            Pack s0{}, s1{}, s2{}, s3{};
-            for (int d = 0; d < directions; ++d, p += value_stride, w += kChannelGroup) {
-                const Pack value = pack<Pack>(p);
-                s0 += w[0] * value;
-                s1 += w[1] * value;
-                s2 += w[2] * value;
-                s3 += w[3] * value;
-            }
-            Real *to = out + i;
-            const Real *line = ahead.first + i / kLanes * ahead.step;
+        constexpr int lanes = lanes_of<Pack>, packs = 2;
+        const auto at = [=]<int some>(int i, std::integral_constant<int, some>) VOLILLUM_LAMBDA {
+            Pack sums[channels * some];
+            weigh_packs<channels, some>(values + i, value_stride, directions, weights, sums);
             for (int channel = 0; channel < channels; ++channel)
-                __builtin_prefetch(line + channel * ahead.channel_pitch, 1);
-            emit(s0, count - i, add, to);
-            if (channels > 1) emit(s1, count - i, add, to + out_stride);
-            if (channels > 2) emit(s2, count - i, add, to + 2 * out_stride);
-            if (channels > 3) emit(s3, count - i, add, to + 3 * out_stride);
-        }
+                for (int p = 0; p < some && channel < written; ++p) {
+                    const int c = i + p * lanes;
+                    __builtin_prefetch(
+                        ahead.first + c / kLanes * ahead.step + channel * ahead.channel_pitch, 1);
+                    emit(sums[channel * some + p], count - c, add, out + channel * out_stride + c);
+                }
+        };
+        int i = 0;
+        for (; i + lanes < count; i += packs * lanes) at(i, std::integral_constant<int, packs>{});
+        if (i < count) at(i, std::integral_constant<int, 1>{});
     });
 }
 
@@ -269,11 +272,8 @@ void weigh_group(const Real *values, std::size_t value_stride, int directions, c
 void weigh_row(const Real *values, std::size_t value_stride, int directions, const Real *weights,
                int channels, int count, bool add, Real *out, std::ptrdiff_t out_stride,
                const Ahead &ahead) {
-    if (channels == 1)
-        weigh_one(values, value_stride, directions, weights, count, add, out, ahead);
-    else
-        weigh_group(values, value_stride, directions, weights, channels, count, add, out,
-                    out_stride, ahead);
+    (channels == 1 ? weigh<1> : weigh<kChannelGroup>)(values, value_stride, directions, weights,
+                                                      channels, count, add, out, out_stride, ahead);
 }
 
 VOLILLUM_DISPATCH void multiply_add(const Real *values, const Real *weights, int count,
