@@ -79,12 +79,12 @@ def nothing_runs() -> Iterator[None]:
 
 
 def tick_until_over(operator: Operator, window: Window) -> set[str]:
-    for _ in range(1000):
+    for _ in range(12_000):
         answer = operator.modal(window, TICK)
         if answer != {"PASS_THROUGH"}:
             return answer
         time.sleep(0.005)
-    raise AssertionError("the job did not end within 5 s")
+    raise AssertionError("the job did not end within a minute")
 
 
 def endless(control: Control) -> None:
