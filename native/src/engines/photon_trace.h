@@ -1,6 +1,7 @@
-// One photon's life: birth, collisions, scattering, roulette, deposits.
+// One photon's life: birth, collisions, scattering, roulette.
 #pragma once
 
+#include "photon_hand_over.h"
 #include "photon_write.h"
 
 namespace volillum {
@@ -19,9 +20,10 @@ template <int Colours, bool Chromatic, int Moments>
 class Tracer {
 public:
     VOLILLUM_INLINE Tracer(const TraceContext &context, TraceResult &result)
-        : context_(context), field_(*context.field), result_(result) {
-        scale_ = context.sign * Deposits::unit / float(context.geometry->voxel_diagonal);
-    }
+        : context_(context),
+          field_(*context.field),
+          result_(result),
+          hand_over_(context, result.waiting) {}
 
     // Photons [first, last) of the pass.
     VOLILLUM_INLINE void trace(std::uint64_t first, std::uint64_t last) {
@@ -58,33 +60,9 @@ public:
     }
 
 private:
-    // What of a photon the vector code does not need.
-    struct Photon {
-        Flight flight;
-        float direction[3];
-        float weight[Colours], density[3];  // density: path densities of the channels, mean 1
-        float full;                         // what roulette restores
-        int hero, scatterings;
-        bool deposits;
-    };
-    struct Vector {
-        Flights flights{};
-        Photon photons[Flights::width];
-        std::uint32_t live = 0;
-    };
-    // One of them.
-    struct Lane {
-        Flights &flights;
-        Photon &photon;
-        int at;
-        Random random;  // written back at the end
-
-        VOLILLUM_INLINE Lane(Vector &vector, int lane, const Random &stream)
-            : flights(vector.flights), photon(vector.photons[lane]), at(lane), random(stream) {}
-        VOLILLUM_INLINE Lane(Vector &vector, int lane)
-            : Lane(vector, lane, vector.flights.random_of(lane)) {}
-        VOLILLUM_INLINE ~Lane() { flights.set_random(at, random); }
-    };
+    using Vector = PhotonVector<Colours>;
+    using Lane = PhotonLane<Colours>;
+    using Photon = typename Lane::Photon;
 
     // The next photon that meets the grid; false when none is left.
     VOLILLUM_INLINE bool start(Vector &vector, int at, std::uint64_t &first, std::uint64_t last) {
@@ -173,7 +151,7 @@ private:
             for (int c = 0; c < Colours; ++c)
                 result_.tally.escaped[face][c] += fixed(lane.photon.weight[c]);
         }
-        deposit(lane, std::numeric_limits<float>::infinity());
+        hand_over_.track(lane, std::numeric_limits<float>::infinity());
     }
 
     // A possible collision: the medium there is the voxel that stands for it.
@@ -189,7 +167,7 @@ private:
                 sigma_s[c] =
                     field_.sigma_s[(field_.channels_s == 3 ? c * field_.voxels : 0) + voxel];
         }
-        spread(lane);
+        hand_over_.ball(lane);
         return collide(lane, sigma_t, sigma_s);
     }
 
@@ -228,7 +206,7 @@ private:
                 field_.interpolate(q, sigma_t, sigma_s);
                 flights.accept[at] = unit_of(lane.random.next());
                 flights.depth[at] = exponential(lane.random.next());
-                spread(lane);
+                hand_over_.ball(lane);
                 if (!collide(lane, sigma_t, sigma_s)) return false;
                 continue;
             }
@@ -247,7 +225,7 @@ private:
         if constexpr (Chromatic) return collide_chromatic(lane, sigma_t, sigma_s);
         const int at = lane.at;
         if (!(lane.flights.accept[at] * lane.flights.majorant[at] < sigma_t[0])) return true;
-        deposit(lane, lane.flights.travelled[at]);
+        hand_over_.track(lane, lane.flights.travelled[at]);
         Photon &photon = lane.photon;
         float before[Colours];
         for (int c = 0; c < Colours; ++c) {
@@ -268,7 +246,7 @@ private:
         for (std::size_t c = 0; c < 3; ++c) chance[c] = std::min(sigma_t[c] * over, 1.0f);
         const bool real = lane.flights.accept[lane.at] < chance[photon.hero];
         // The weights of the flight so far end here, also where the collision is null.
-        deposit(lane, lane.flights.travelled[lane.at]);
+        hand_over_.track(lane, lane.flights.travelled[lane.at]);
         float mean = 0.0f, measure[3];
         for (std::size_t c = 0; c < 3; ++c) {
             const float null = 1.0f - chance[c];
@@ -324,48 +302,6 @@ private:
         return true;
     }
 
-    VOLILLUM_INLINE void deposit(const Lane &lane, float end) {
-        const Photon &photon = lane.photon;
-        if (!photon.deposits || !context_.tracks) return;
-        const Flight &flight = photon.flight;
-        // Boxes [i, i + 1] in p = start - 1/2; what rounding could add is clipped when it is
-        // written.
-        const int axis = context_.deposits->axis();
-        const auto plane = [&](float way) {
-            const float p = flight.start[axis] - 0.5f + way * flight.step[axis];
-            return std::min(std::max(p, 0.0f), float(field_.shape[std::size_t(axis)] - 1));
-        };
-        const float one = plane(0.0f), two = plane(end);
-        wait(photon, flight.start, scale_, end, int(std::min(one, two)), int(std::max(one, two)));
-    }
-
-    // Planes first to last across the slabs' axis are concerned.
-    VOLILLUM_INLINE void wait(const Photon &photon, const float *start, float scale, float end,
-                              int first, int last) {
-        Deposit some{photon.flight, end, {}, {}};
-        std::copy_n(start, 3, some.flight.start);
-        std::copy_n(photon.direction, 3, some.direction);
-        for (int c = 0; c < Colours; ++c) some.weight[c] = scale * photon.weight[c];
-        const Deposits &deposits = *context_.deposits;
-        result_.waiting.push(some, deposits.slab_of(first), deposits.slab_of(last));
-    }
-
-    // A possible collision stands for the light of 1 / majorant of path. Units are whole: they are
-    // dithered, as one majorant's deposits are all alike.
-    VOLILLUM_INLINE void spread(Lane &lane) {
-        if (!context_.points || !lane.photon.deposits) return;
-        const Photon &photon = lane.photon;
-        float q[3];
-        for (int a = 0; a < 3; ++a) q[a] = lane.flights.q[a][lane.at];
-        const float dither = unit_of(lane.random.next()) - 0.5f;
-        const int axis = context_.deposits->axis();
-        const int first = context_.ball.lowest(q, axis),
-                  last = context_.ball.highest(field_, q, axis);
-        if (first > last) return;
-        const float scale = context_.sign * context_.ball_scale / lane.flights.majorant[lane.at];
-        wait(photon, q, scale, context_.sign * dither, first, last);
-    }
-
     static VOLILLUM_INLINE std::int64_t fixed(float weight) {
         return std::int64_t(double(weight) * kTallyUnit);
     }
@@ -373,7 +309,7 @@ private:
     const TraceContext &context_;
     const PhotonField &field_;
     TraceResult &result_;
-    float scale_;
+    HandOver<Colours> hand_over_;
 };
 
 }  // namespace volillum
