@@ -11,8 +11,8 @@ import pytest
 from refusals import LIMITS
 
 from volillum_addon.compare import hard_cases, hard_page
-from volillum_addon.compare import hard_laws as laws
 from volillum_addon.compare.hard_cases import PAGE, Cell, examine, variation
+from volillum_addon.compare.hard_refined import refined_grid
 from volillum_addon.compare.hard_scenes import FOLDER, HardCase, Lamp, Matter, catalogue, read
 from volillum_addon.core.errors import InputError
 from volillum_addon.core.grid import Grid
@@ -95,7 +95,7 @@ def test_a_refined_medium_is_the_same_field() -> None:
     values = np.random.default_rng(0).random((3, 4, 2)).astype(np.float32)
     affine = np.array([[0.1, 0.02, 0, 1], [0, 0.2, 0.1, 2], [0, 0, 0.3, 3], [0, 0, 0, 1.0]])
     coarse = Grid(values, affine)
-    fine = laws._refined(coarse)
+    fine = refined_grid(coarse)
     assert fine.shape == (7, 9, 5)
     assert np.allclose(fine.values[1::2, 1::2, 1::2], values)
     assert np.allclose(fine.to_world(np.ones(3)), coarse.to_world(np.zeros(3)))

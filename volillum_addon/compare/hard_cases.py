@@ -27,6 +27,7 @@ from ..models.volume import IlluminationVolume
 from . import hard_bounds as bounds
 from . import hard_laws as laws
 from .hard_laws import Finding
+from .hard_refined import off_refined
 from .hard_scenes import HardCase
 
 Status = Literal["kept", "refused", "broken"]
@@ -143,7 +144,7 @@ def _examined(case: HardCase, model: Model, thrift: Mapping[str, Value], control
     found = bounds.radiance(volume, scene.camera)
     scale = _scale(scene, model, found)
     sigma = bounds.rms(bounds.noise(volume)) / scale
-    off = _off_refined(model, scene, given, found, control)
+    off = off_refined(model, scene, given, THRIFT, found, control)
     estimate = 2 * bounds.rms(off[np.isfinite(off)]) / scale + laws.ROUNDING
     findings = [
         laws.is_finite(found),
@@ -179,34 +180,6 @@ def _scale(scene: Scene, model: Model, found: NDArray[np.float64]) -> float:
 def _to_either_side(scene: Scene) -> tuple[Scene, Scene]:
     angle = laws.TURN / max(1.0, laws.depth_across(scene.medium))
     return laws.turned(scene, angle), laws.turned(scene, -angle)
-
-
-def _off_refined(
-    model: Model,
-    scene: Scene,
-    given: Mapping[str, Value],
-    found: NDArray[np.float64],
-    control: Control,
-) -> NDArray[np.float64]:
-    """Baked minus refined at the voxels, [i, j, k, 3], NaN where the finer lattice ends before. A
-    convolution has no such error: its weights are exact, and its field belongs to the lattice."""
-    if model.operator(given).law != "exp":
-        return np.zeros_like(found)
-    off = np.full_like(found, np.nan)
-    finest = dict(model.ladder[-1]) if model.ladder else {}
-    better = {**given, **{name: finest[name] for name in finest if name not in THRIFT}}
-    here = scene.trimmed(VOID_MARGIN).medium
-    fine = illuminate(replace(scene, medium=laws.refined(here)), model.id, better, control)
-    seen = bounds.radiance(fine, scene.camera)
-    # Where each voxel lies in the finer lattice, whose margin is narrower.
-    origin = here.sigma_t.to_world(np.zeros(3))
-    first = np.rint(fine.medium.sigma_t.to_index(origin)).astype(int)
-    places = [f + 2 * np.arange(n) for f, n in zip(first, here.sigma_t.shape, strict=True)]
-    shared = [(p >= 0) & (p < n) for p, n in zip(places, fine.medium.sigma_t.shape, strict=True)]
-    inside = np.ix_(*shared)
-    places_inside = np.ix_(*(p[s] for p, s in zip(places, shared, strict=True)))
-    off[inside] = found[inside] - seen[places_inside]
-    return off
 
 
 def _judged(

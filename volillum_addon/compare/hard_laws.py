@@ -8,8 +8,9 @@ unoccluded, because a shadow may be of any depth:
            exact solution and of the unoccluded radiance there
     bound  2 RMS over all voxels of (baked - refined), and what chance adds: refined is the bake of
            the same trilinear field on a lattice of half the voxel size with the finest settings of
-           the model's ladder. A method whose error at least halves in that step, as any of first
-           order or better does, has an error of at most twice the difference (Richardson). A mean
+           the model's ladder, or, of half balls, the sums on such a lattice. A method whose error
+           at least halves in that step, as any of first order or better does, has an error of at
+           most twice the difference (Richardson). A mean
            over a voxel (Model.averages) does not come closer to the value at its centre where light
            ends just there: it differs by at most the mean of what the exact solution differs by
            within the voxel, and that is added.
@@ -25,7 +26,6 @@ import numpy as np
 
 from ..core.camera import Camera
 from ..core.colour import LUMINANCE
-from ..core.grid import Grid
 from ..core.lights import DistantLight, Light, PointLight
 from ..core.medium import Medium
 from ..core.scene import Scene
@@ -166,35 +166,6 @@ def has_the_bits_of(first: IlluminationVolume, second: IlluminationVolume) -> Fi
         if grid.values.tobytes() != second.channels[name].values.tobytes()
     ]
     return Finding("same for any threads", not different, "differ: " + ", ".join(different))
-
-
-def refined(medium: Medium) -> Medium:
-    """The same trilinear field on a lattice of half the voxel size."""
-    emission = medium.emission
-    return replace(
-        medium,
-        sigma_t=_refined(medium.sigma_t),
-        sigma_s=_refined(medium.sigma_s),
-        emission=None if emission is None else _refined(emission),
-    )
-
-
-def _refined(grid: Grid) -> Grid:
-    values = grid.values.astype(np.float64)
-    for axis in range(3):
-        padded = np.moveaxis(np.pad(values, _pads(values.ndim, axis)), axis, 0)
-        fine = np.empty((2 * len(padded) - 3, *padded.shape[1:]))
-        fine[0::2] = (padded[:-1] + padded[1:]) / 2
-        fine[1::2] = padded[1:-1]
-        values = np.moveaxis(fine, 0, axis)
-    affine = grid.index_to_world.copy()
-    affine[:3, :3] /= 2
-    affine[:3, 3] = grid.to_world(np.array([-0.5, -0.5, -0.5]))
-    return Grid(values.astype(np.float32), affine, grid.name)
-
-
-def _pads(dimensions: int, axis: int) -> list[tuple[int, int]]:
-    return [(1, 1) if a == axis else (0, 0) for a in range(dimensions)]
 
 
 def depth_across(medium: Medium) -> float:

@@ -84,7 +84,7 @@ def solve(scene: Scene, values: Values, control: Control) -> dict[str, Grid]:
         channels["bleeding"] = lattice.with_planes(bleeding, "bleeding")
     elif bleeds:
         with control.stage(0.5, 1.0, "summing colour"):
-            planes = _sums(row, lattice, _colours(medium, length), wanted, control)
+            planes = _sums(row, lattice, colours(medium, length), wanted, control)
             channels["bleeding"] = lattice.with_planes(planes, "bleeding")
     return channels
 
@@ -142,7 +142,7 @@ def _part(planes: NDArray[np.float32], region: Region) -> NDArray[np.float32]:
     return np.ascontiguousarray(planes[:, *map(slice, *region)])
 
 
-def _colours(medium: Medium, opacity_length: float) -> NDArray[np.float32]:
+def colours(medium: Medium, opacity_length: float) -> NDArray[np.float32]:
     """sigma_s, or with opacities alpha sigma_s / sigma_t, [1 or 3, i, j, k]."""
     sigma_s = medium.sigma_s.planes()
     if opacity_length == 0:
