@@ -40,6 +40,23 @@ FAULTS = (
         (f"{DOS}::test_half_space_below_an_orthographic_camera", f"{MDOS}::test_knife_edge"),
     ),
     Fault(
+        "a cone's directions that jump where another axis is the nearest",
+        "volillum_addon/core/directions.py",
+        "turn = np.angle(AXIS_WEIGHTS @ (u + 1j * v) ** 4) / 4",
+        "turn = 0.0",
+        ("tests/core/test_directions.py::test_a_rule_about_a_turning_axis_never_jumps",),
+    ),
+    Fault(
+        "a march's lattice that jumps where another axis is the nearest",
+        "native/src/engines/cone_transport_lattice.cpp",
+        "const double turn = std::arg(sum) / 4;",
+        "const double turn = 0 * std::arg(sum);",
+        (
+            "tests/native/test_cone_transport.py::"
+            "test_a_light_that_crosses_a_diagonal_makes_no_jump[block-cubes]",
+        ),
+    ),
+    Fault(
         "1 % in the weights of the sphere's directions",
         "volillum_addon/core/directions.py",
         "weights = np.repeat(weight / 2 / per_ring, per_ring)",

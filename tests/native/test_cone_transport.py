@@ -201,6 +201,27 @@ def test_a_turning_light_makes_no_jump(second: Array) -> None:
     assert max(steps) < 2.0 * float(np.median(steps)), steps
 
 
+@pytest.mark.parametrize("world", list(AFFINES.values()), ids=list(AFFINES))
+@pytest.mark.parametrize("shape", [(6, 7, 8), (7, 9, 1)], ids=["block", "sheet"])
+def test_a_light_that_crosses_a_diagonal_makes_no_jump(
+    world: Array, shape: tuple[int, int, int]
+) -> None:
+    """A hard medium, whose lattice would show: turned by 2e-6 it changes by some 1e-5."""
+    sigma_t = np.random.default_rng(3).choice(np.array([0, 1, 1e3], np.float32), shape)
+    sigma_s = np.float32(0.8) * sigma_t
+    edges = world[:3, :3] / np.linalg.norm(world[:3, :3], axis=0)
+    for tie in itertools.product((-1.0, 0.0, 1.0), repeat=3):
+        if not any(tie):
+            continue
+        axis = unit(*(edges @ tie))
+        across = np.cross(axis, unit(0.36, 0.48, -0.8))
+        one, two = (
+            transport(sigma_t, sigma_s, world, unit(*(axis + turn * across)))
+            for turn in (1e-6, -1e-6)
+        )
+        assert np.sqrt(np.mean((one - two) ** 2)) < 1e-4
+
+
 @pytest.mark.parametrize("albedo", [0.0, 0.5])
 def test_rays_end_on_the_plane_through_the_lamp(albedo: float) -> None:
     """One direction in a homogeneous block: exp(-sigma_a times the way to the lamp's plane)."""

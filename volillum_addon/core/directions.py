@@ -26,11 +26,24 @@ SPREAD_RINGS, SPREAD_PER_RING = 8, 32
 LOBE_TAIL, LOBE_POINTS = 60.0, 64
 
 
+# Of the axes in `frame`: unequal, so that the directions about which frames turn endlessly fast lie
+# beside the diagonals and not on them, along which lights are often set.
+AXIS_WEIGHTS = np.array([1.0, 0.9, 0.8])
+
+
 def frame(axis: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Right-handed orthonormal rows (u, v, axis) [3, 3]; axis is a unit vector."""
+    """Right-handed orthonormal rows (u, v, axis) [3, 3]; axis is a unit vector.
+
+    u and v follow the world's axes as far as those are perpendicular to `axis`, and but for quarter
+    turns they never jump when it turns: u is one of the four fourth roots of the sum of the fourth
+    powers, as complex numbers, of the axes' parts perpendicular to it.
+    """
     helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
     u = np.cross(helper, axis)
     u /= np.linalg.norm(u)
+    v = np.cross(axis, u)
+    turn = np.angle(AXIS_WEIGHTS @ (u + 1j * v) ** 4) / 4
+    u = math.cos(turn) * u + math.sin(turn) * v
     return np.array([u, np.cross(axis, u), axis])
 
 
@@ -44,7 +57,8 @@ def cone_rule(
     solid angle, or Phong's lobe (beta + 1) / (2 pi (1 - cos^(beta+1) theta)) cos^beta.
     """
     rings = max(1, round(math.sqrt(directions / 4)))
-    per_ring = max(1, round(directions / rings))
+    # Quarter turns change nothing (`frame`).
+    per_ring = 4 * max(1, round(directions / rings / 4))
     below, weight = _phong_gauss(theta, beta, rings)
     cosine = 1 - below
     sine = np.sqrt(below * (2 - below))
@@ -107,7 +121,8 @@ def sphere_rule(directions: int) -> tuple[NDArray[np.float64], NDArray[np.float6
     weights = np.repeat(weight / 2 / per_ring, per_ring)
     # Any fixed turn that lays no direction along a voxel axis or diagonal; the rule's exactness for
     # polynomials does not depend on it.
-    turned = vectors @ frame(np.array([0.48, 0.36, 0.8])).T
+    pole, across = np.array([0.48, 0.36, 0.8]), np.array([5.0, 0.0, -3.0]) / math.sqrt(34)
+    turned = vectors @ np.array([across, np.cross(pole, across), pole]).T
     return turned, weights
 
 

@@ -1,6 +1,7 @@
 #include "cone_transport_lattice.h"
 
 #include <algorithm>
+#include <complex>
 #include <limits>
 #include <sstream>
 #include <stdexcept>
@@ -35,21 +36,27 @@ Vec3d cross(const Vec3d &a, const Vec3d &b) {
     return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
 }
 
-// Columns run along a grid axis as far as that is perpendicular to the light: of the grid axes the
-// one whose part perpendicular to the light is largest, the later where they tie.
+// Columns run along a grid axis as far as that is perpendicular to the light, and never jump when
+// the light turns. Turned by a quarter they make the same lattice. So they have one of the four
+// directions of the sum of the fourth powers, as complex numbers, of the grid axes' parts
+// perpendicular to the light: of the four, the nearest to the largest part. The sum vanishes, and
+// columns turn fast, at one direction beside each of the grid's diagonals: not on them, where light
+// is often set, because the axes have different weights.
 Vec3d column_direction(const double *affine, const Vec3d &axis) {
-    Vec3d best{};
-    double best_share = -1.0;
-    for (int column = 2; column >= 0; --column) {
-        const Vec3d edge{affine[column], affine[4 + column], affine[8 + column]};
-        const Vec3d across = plus(edge, axis, -dot(edge, axis));
-        const double share = length(across) / length(edge);
-        if (share > best_share + 1e-9) {
-            best_share = share;
-            best = scaled(across, 1 / length(across));
-        }
+    constexpr double kWeights[] = {1.0, 0.9, 0.8};
+    Vec3d across[3];
+    for (int i = 0; i < 3; ++i) {
+        const Vec3d edge{affine[i], affine[4 + i], affine[8 + i]};
+        across[i] = scaled(plus(edge, axis, -dot(edge, axis)), 1 / length(edge));
     }
-    return best;
+    const Vec3d &largest = *std::max_element(
+        across, across + 3, [](const Vec3d &a, const Vec3d &b) { return length(a) < length(b); });
+    const Vec3d one = scaled(largest, 1 / length(largest)), other = cross(axis, one);
+    std::complex<double> sum = 0;
+    for (int i = 0; i < 3; ++i)
+        sum += kWeights[i] * std::pow(std::complex(dot(across[i], one), dot(across[i], other)), 4);
+    const double turn = std::arg(sum) / 4;
+    return plus(scaled(one, std::cos(turn)), other, std::sin(turn));
 }
 
 }  // namespace
@@ -89,22 +96,13 @@ Lattice::Lattice(const ConeTransportScene &scene, double spacing, double steepes
     const double *affine = scene.index_to_world;
     const Matrix3 inverse = inverse_linear(affine);
     const Vec3d column = column_direction(affine, scene.axis), row = cross(scene.axis, column);
-    // Along each of the three, the length of one voxel-index step. Where the grid has an axis in
-    // that direction, lattice points fall on voxel centres: the middle of an even number of voxels
-    // lies between two.
-    const auto step_along = [&](const Vec3d &direction, bool &between) {
-        const Vec3d index = multiply(inverse, direction.data());
-        int axis = 0;
-        for (int i = 1; i < 3; ++i)
-            if (std::abs(index[i]) > std::abs(index[axis])) axis = i;
-        between = scene.shape[axis] % 2 == 0;
-        return spacing / length(index);
+    // Along each of the three, the length of one voxel-index step.
+    const auto step_along = [&](const Vec3d &direction) {
+        return spacing / length(multiply(inverse, direction.data()));
     };
-    bool between[3];
     const Vec3d away = scaled(scene.axis, -1);
-    double slice_length = step_along(away, between[0]);
-    const double row_length = step_along(row, between[1]);
-    const double column_length = step_along(column, between[2]);
+    double slice_length = step_along(away);
+    const double row_length = step_along(row), column_length = step_along(column);
     slice_length =
         std::min(slice_length, kSteepest * std::min(row_length, column_length) / steepest);
     slice_step = scaled(away, slice_length);
@@ -113,7 +111,14 @@ Lattice::Lattice(const ConeTransportScene &scene, double spacing, double steepes
     slice_index_ = multiply(inverse, slice_step.data());
     row_index_ = multiply(inverse, row_step.data());
     column_index_ = multiply(inverse, column_step.data());
-    for (int i = 0; i < 3; ++i) centre_index_[i] = 0.5 * (scene.shape[i] - 1);
+    // One lattice point is a voxel's centre. So all are where the spacing is 1 and the grid has an
+    // axis along the light. The middle of the grid is half a voxel before that if its voxels are
+    // even in number.
+    Vec3d middle;
+    for (int i = 0; i < 3; ++i) {
+        centre_index_[i] = scene.shape[i] / 2;
+        middle[i] = 0.5 * (scene.shape[i] - 1) - centre_index_[i];
+    }
 
     // Orthogonal steps: the lattice position of a world offset is a projection on each.
     const Vec3d *steps[3] = {&slice_step, &row_step, &column_step};
@@ -135,9 +140,9 @@ Lattice::Lattice(const ConeTransportScene &scene, double spacing, double steepes
     int counts[3];
     for (int i = 0; i < 3; ++i) {
         double reach = 0;
-        for (int j = 0; j < 3; ++j) reach += std::abs(to_lattice_[i][j]) * grown[j];
-        const double shift = between[i] ? 0.5 : 0.0;
-        const double half = std::ceil(reach) + shift;
+        for (int j = 0; j < 3; ++j)
+            reach += std::abs(to_lattice_[i][j]) * (grown[j] + std::abs(middle[j]));
+        const double half = std::ceil(reach);
         if (!(half < double(std::numeric_limits<int>::max() / 8)))
             throw std::invalid_argument("the lattice of the light has more than " +
                                         std::to_string(std::numeric_limits<int>::max() / 4) +
@@ -169,10 +174,10 @@ Lattice::Lattice(const ConeTransportScene &scene, double spacing, double steepes
         for (int q = 0; q < rows; ++q, ++at) {
             double low = 0, high = columns - 1;
             for (int i = 0; i < 3; ++i) {
-                // |start + column * slope| <= grown, about the middle.
+                // |start + column * slope| <= grown, from the middle.
                 const double start = (p - centre_[0]) * slice_index_[i] +
                                      (q - centre_[1]) * row_index_[i] -
-                                     centre_[2] * column_index_[i];
+                                     centre_[2] * column_index_[i] - middle[i];
                 const double slope = column_index_[i];
                 if (std::abs(slope) < 1e-12) {
                     if (std::abs(start) > grown[i]) high = -1;
