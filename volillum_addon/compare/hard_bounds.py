@@ -55,13 +55,16 @@ def rms(values: Field) -> float:
     return math.sqrt(float(np.mean(np.square(values)))) if values.size else 0.0
 
 
-def unoccluded(lights: tuple[Light, ...], points: Field) -> Field:
-    """Sum of F / (4 pi) at world points [..., 3], [..., 3]."""
+def unoccluded(lights: tuple[Light, ...], points: Field, grid: Grid) -> Field:
+    """Sum of F / (4 pi) at world points [..., 3], [..., 3]; beside a lamp 1 / d^2 is at most its
+    mean over a ball of a voxel's volume, as it is stored."""
+    volume = abs(float(np.linalg.det(grid.index_to_world[:3, :3])))
+    least = (3 * volume / (4 * math.pi)) ** (2 / 3) / 3
     total = np.zeros(points.shape)
     for light in lights:
         if isinstance(light, PointLight):
             squared = np.sum((points - np.asarray(light.position)) ** 2, axis=-1, keepdims=True)
-            total += np.asarray(light.intensity) / np.maximum(squared, 1e-300)
+            total += np.asarray(light.intensity) / np.maximum(squared, least)
         else:
             total += light.fluence(np.zeros(3))
     return total / (4 * math.pi)
@@ -84,7 +87,7 @@ def most_radiance(
         return brightness(lights, medium.sigma_t.centre)
     if operator.axis == "light":
         # One term of at most F / (4 pi) a light, weights that sum to 1, transmittances up to 1.
-        return unoccluded(lights, lattice_points(medium.sigma_t))
+        return unoccluded(lights, lattice_points(medium.sigma_t), medium.sigma_t)
     if operator.basis is not None:
         return positive_part(operator, lights, volume)
     # The maximum principle: nothing is brighter than the brightest source.
@@ -149,7 +152,7 @@ def conserved_radiance(
     if math.isfinite(operator.order):
         return None
     if operator.rescatter == "lobe":
-        return unoccluded(lights, lattice_points(medium.sigma_t))
+        return unoccluded(lights, lattice_points(medium.sigma_t), medium.sigma_t)
     bright = [light for light in lights if np.any(light.fluence(np.zeros(3)) > 0)]
     even = all(isinstance(light, EnvironmentLight) and not light.is_image for light in bright)
     return brightness(tuple(bright), medium.sigma_t.centre) if even and medium.g == 0 else None

@@ -173,7 +173,7 @@ def _examined(case: HardCase, model: Model, thrift: Mapping[str, Value], control
 def _scale(scene: Scene, model: Model, found: NDArray[np.float64]) -> float:
     """The larger of the radiance and of what arrives unoccluded; 1 in the dark."""
     grid = scene.trimmed(VOID_MARGIN).medium.sigma_t
-    full = bounds.unoccluded(model.represented(scene), bounds.lattice_points(grid))
+    full = bounds.unoccluded(model.represented(scene), bounds.lattice_points(grid), grid)
     return max(bounds.rms(full), bounds.rms(found)) or 1.0
 
 
@@ -219,7 +219,7 @@ def _judged(
     except Cancelled:
         return None, None, f"the judge is not done in {PATIENCE:g} processor seconds"
     picked = tuple(index.T)
-    full = bounds.rms(bounds.unoccluded(lights, points))
+    full = bounds.rms(bounds.unoccluded(lights, points, grid))
     scale = max(bounds.rms(truth.value), full) or 1.0
     baked = found[picked]
     own = np.broadcast_to(bounds.noise(volume), found.shape)[picked]

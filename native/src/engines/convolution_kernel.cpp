@@ -11,6 +11,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "gauss.h"
 #include "volillum/affine.h"
 #include "volillum/parallel.h"
 
@@ -18,32 +19,6 @@ namespace volillum {
 namespace {
 
 using Corners = std::array<double, 8>;
-
-// Gauss-Legendre nodes and weights on [0, 1].
-struct Rule {
-    int count;
-    double x[6], w[6];
-};
-
-Rule gauss(int count) {
-    Rule rule{count, {}, {}};
-    for (int i = 0; i < count; ++i) {
-        double x = std::cos(std::numbers::pi * (i + 0.75) / (count + 0.5)), slope = 1.0;
-        for (int step = 0; step < 20; ++step) {
-            double last = 1.0, value = x;
-            for (int n = 2; n <= count; ++n) {
-                const double next = ((2 * n - 1) * x * value - (n - 1) * last) / n;
-                last = value;
-                value = next;
-            }
-            slope = count == 1 ? 1.0 : count * (x * value - last) / (x * x - 1);
-            x -= value / slope;
-        }
-        rule.x[i] = (1 - x) / 2;
-        rule.w[i] = 1 / ((1 - x * x) * slope * slope);
-    }
-    return rule;
-}
 
 // A box whose diagonal is this share of its distance from the origin or less is integrated with
 // this many nodes an axis: relative errors of 1/r^2 below 1e-6 (2 nodes at 0.3: h^4 f''''/4320).

@@ -8,8 +8,9 @@
 // a covector: the sign is that of d . n with n the negative gradient by index. Seen along n a
 // voxel's hat has the mean d . n and the variance |n|^2 / 6 whatever the direction; F is the
 // distribution of this mean and variance with the density (1 - x^2)^3, whose kurtosis is between
-// that of hats along an axis and along a diagonal. Opposite voxels are taken together: F_-d = 1 -
-// F_d.
+// that of hats along an axis and along a diagonal. The nearest voxels count most and the weight
+// changes most within them: their shares are integrals (hemisphere_near.h). Opposite voxels are
+// taken together: F_-d = 1 - F_d.
 //
 // All terms are positive, nothing cancels: beside an opaque voxel thin matter keeps its precision.
 #include "volillum/hemisphere.h"
@@ -18,6 +19,7 @@
 #include <cmath>
 
 #include "convolution_kernel.h"
+#include "hemisphere_near.h"
 #include "volillum/huge_array.h"
 #include "volillum/opacity.h"
 #include "volillum/pack.h"
@@ -38,6 +40,11 @@ struct Offset {
     int k;
     Real along[3], weight;
 };
+// A nearest voxel and its opposite: their rows from where they are summed, and their weight.
+struct Nearest {
+    const Real *ahead, *behind;
+    Real weight;
+};
 // Neighbouring rows at (i, j) and (-i, -j), with their offsets.
 struct RowPair {
     int i, j;
@@ -52,7 +59,8 @@ std::vector<RowPair> row_pairs(const KernelWeights &kernel) {
             RowPair pair{i, j, {}};
             const double *weights = kernel.row(i, j);
             for (int k = i || j ? -r2 : 1; k <= r2; ++k)
-                if (const double weight = weights[k + r2]; weight > 0)
+                if (const double weight = weights[k + r2];
+                    weight > 0 && std::max({i, std::abs(j), std::abs(k)}) > 1)
                     pair.offsets.push_back(
                         {k,
                          {Real(i / kSupport), Real(j / kSupport), Real(k / kSupport)},
@@ -83,6 +91,40 @@ void add_rows(const Offset *offsets, std::size_t count, const Real *ahead, const
                                        Real(2.1875));
                 sum += d.weight * ((one + side) * pack<Pack>(ahead + p + d.k) +
                                    (one - side) * pack<Pack>(behind + p - d.k));
+            }
+            pack<Pack>(sums + p) += sum;
+        }
+    });
+}
+
+// Likewise the nearest voxels.
+void add_nearest(const NearShares &shares, const Nearest *nearest, const Real *normal, Real *sums) {
+    const auto *terms = shares.terms;
+    in_packs([=]<class Pack>(Width<Pack>) VOLILLUM_LAMBDA {
+        constexpr int degree = NearShares::kDegree, pairs = NearShares::kPairs;
+        const Pack one = Pack{} + Real(1);
+        for (int p = 0; p < kChunk; p += lanes_of<Pack>) {
+            Pack powers[3][degree + 1];
+            for (int axis = 0; axis < 3; ++axis) {
+                powers[axis][0] = one;
+                for (int n = 1; n <= degree; ++n)
+                    powers[axis][n] = powers[axis][n - 1] * pack<Pack>(normal + axis * kChunk + p);
+            }
+            Pack sides[pairs] = {};
+            const auto *term = terms;
+            for (int a = 0; a <= degree; ++a)
+                for (int b = 0; a + b <= degree; ++b, ++term) {
+                    const Pack power = powers[0][a] * powers[1][b] * powers[2][degree - a - b];
+#pragma GCC unroll 13
+                    for (int n = 0; n < pairs; ++n) sides[n] += (*term)[n] * power;
+                }
+            Pack sum{};
+            for (int n = 0; n < pairs; ++n) {
+                Pack side = sides[n];
+                side = side < one ? side : one;
+                side = side > -one ? side : -one;
+                sum += nearest[n].weight * ((one + side) * pack<Pack>(nearest[n].ahead + p) +
+                                            (one - side) * pack<Pack>(nearest[n].behind + p));
             }
             pack<Pack>(sums + p) += sum;
         }
@@ -185,14 +227,19 @@ void hemisphere_sums(const float *field, int channels, const Guide &guide, const
     const KernelWeights kernel = kernel_weights(index_to_world, settings.neighbourhood, largest,
                                                 settings.threads, settings.control);
     const std::vector<RowPair> pairs = row_pairs(kernel);
+    const NearShares shares(index_to_world, settings.neighbourhood);
     const int reach = kernel.reach[2];
     const Real self = Real(kernel.row(0, 0)[reach]);
+    Real weights[NearShares::kPairs];
+    for (std::size_t n = 0; n < NearShares::kPairs; ++n)
+        weights[n] = Real(kernel.weight(shares.offsets[n]));
     const double upper = settings.upper;
     const Normals normals(guide, shape);
     const std::size_t rows = std::size_t(shape[0]) * std::size_t(shape[1]);
     for (int c = 0; c < channels; ++c) {
-        const Rows source(field + std::size_t(c) * rows * std::size_t(shape[2]), shape, reach,
-                          settings.opacity_length, settings.threads, settings.control);
+        const Rows source(field + std::size_t(c) * rows * std::size_t(shape[2]), shape,
+                          std::max(reach, 1), settings.opacity_length, settings.threads,
+                          settings.control);
         float *to = out + std::size_t(c) * rows * std::size_t(shape[2]);
         parallel_for(
             rows, settings.threads, settings.control,
@@ -203,6 +250,18 @@ void hemisphere_sums(const float *field, int channels, const Guide &guide, const
                     normals.row(i, j, k0, normal);
                     const Real *own = source.values(row) + k0;
                     for (int k = 0; k < kChunk; ++k) sums[k] = self * own[k];
+                    Nearest nearest[NearShares::kPairs];
+                    bool is_empty = true;
+                    for (std::size_t n = 0; n < NearShares::kPairs; ++n) {
+                        const auto [di, dj, dk] = shares.offsets[n];
+                        const std::size_t ahead = source.at(i + di, j + dj);
+                        const std::size_t behind = source.at(i - di, j - dj);
+                        is_empty = is_empty && source.is_empty(ahead, k0 - 1, k0 + kChunk + 1) &&
+                                   source.is_empty(behind, k0 - 1, k0 + kChunk + 1);
+                        nearest[n] = {source.values(ahead) + k0 + dk,
+                                      source.values(behind) + k0 - dk, weights[n]};
+                    }
+                    if (!is_empty) add_nearest(shares, nearest, normal, sums);
                     const int begin = k0 - reach, end = k0 + kChunk + reach;
                     for (const RowPair &pair : pairs) {
                         const std::size_t ahead = source.at(i + pair.i, j + pair.j);
