@@ -33,6 +33,13 @@ FAULTS = (
         ),
     ),
     Fault(
+        "the nearest voxels' shares of a half ball as of an even weight",
+        "native/src/engines/hemisphere_near.cpp",
+        "std::pow(u, 2 - p)",
+        "std::pow(u, 2)",
+        ("tests/native/test_hemisphere.py::test_the_share_of_a_voxel_on_either_side[2]",),
+    ),
+    Fault(
         "1 % in the weights of a cone's directions",
         "volillum_addon/core/directions.py",
         "(weight / per_ring)[:, None]",
