@@ -37,7 +37,7 @@ FAULTS = (
         "native/src/engines/hemisphere_near.cpp",
         "std::pow(u, 2 - p)",
         "std::pow(u, 2)",
-        ("tests/native/test_hemisphere.py::test_the_share_of_a_voxel_on_either_side[2]",),
+        ("tests/native/test_hemisphere.py::test_the_share_of_a_voxel_on_either_side",),
     ),
     Fault(
         "1 % in the weights of a cone's directions",
@@ -60,7 +60,7 @@ FAULTS = (
         "const double turn = 0 * std::arg(sum);",
         (
             "tests/native/test_cone_transport.py::"
-            "test_a_light_that_crosses_a_diagonal_makes_no_jump[block-cubes]",
+            "test_a_light_that_crosses_a_diagonal_makes_no_jump",
         ),
     ),
     Fault(
