@@ -238,6 +238,9 @@ def test_writes_to_the_callers_array() -> None:
     volillum_native.sweep_weighted(sigma_t, IDENTITY, directions, nodes, 8, out=out[0])
     assert out[0, 0, 0, 0] > 0
     assert np.all(out[0, 8:] == 0)
+    more = np.ones(sigma_t.shape, np.float32)
+    volillum_native.sweep_weighted(sigma_t, IDENTITY, directions, nodes, 8, out=more, add=True)
+    assert np.allclose(more, 1 + out[0], rtol=1e-6)
 
 
 GRID = random_grid((4, 5, 6))

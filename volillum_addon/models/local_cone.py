@@ -111,13 +111,13 @@ def visibility(
     for plane in range(sigma_t.channels):
         with control.stage(plane / sigma_t.channels, (plane + 1) / sigma_t.channels, "sweeping"):
             for part in parts(sigma_t, cones, control, to_lamp):
-                planes[plane] += native.sweep_weighted(
+                native.sweep_weighted(
                     part.before_lamp(sigma_t, sigma_t.planes()[plane]), sigma_t.index_to_world,
-                    part.directions, part.weights, cones.spacing,
-                    near_slices=near, wanted=wanted, control=control.native,
+                    part.directions, part.weights, cones.spacing, near_slices=near, wanted=wanted,
+                    control=control.native, out=planes[plane], add=True,
                 )  # fmt: skip
     # Cubic weights have negative lobes: at edges they may leave a visibility's range by 1e-3.
-    return np.asarray(np.clip(planes, 0, 1))
+    return np.clip(planes, 0, 1, out=planes)
 
 
 @dataclass(frozen=True, eq=False)

@@ -94,12 +94,15 @@ Output output(const nb::object &out, const AnyArray &sigma_t,
     return {nb::borrow<RealArray>(array), data, pitch};
 }
 
+void refuse_adding_to_none(const nb::object &out, bool add) {
+    if (add && out.is_none()) throw nb::value_error("out is None; expected an array to add to");
+}
+
 RealArray sweep(const AnyArray &sigma_t, const AnyArray &index_to_world, const AnyArray &directions,
                 const AnyArray &weights, double radius, int near_slices,
                 const std::string &quantity, const Wanted &wanted, int threads, Control *control,
                 const nb::object &out_or_none, bool add) {
-    if (add && out_or_none.is_none())
-        throw nb::value_error("out is None; expected an array to add to");
+    refuse_adding_to_none(out_or_none, add);
     const SweepScene scene = read_scene(sigma_t, index_to_world, directions);
     const Real *weight =
         require<Real>(weights, "weights", "[d, c], one row per direction", {scene.count, -1});
@@ -125,7 +128,8 @@ RealArray sweep(const AnyArray &sigma_t, const AnyArray &index_to_world, const A
 RealArray sweep_weighted(const AnyArray &sigma_t, const AnyArray &index_to_world,
                          const AnyArray &directions, const AnyArray &weights, int spacing,
                          double radius, int near_slices, const Wanted &wanted, int threads,
-                         Control *control, const nb::object &out_or_none) {
+                         Control *control, const nb::object &out_or_none, bool add) {
+    refuse_adding_to_none(out_or_none, add);
     const SweepScene scene = read_scene(sigma_t, index_to_world, directions);
     if (spacing < 1)
         throw nb::value_error(
@@ -138,8 +142,11 @@ RealArray sweep_weighted(const AnyArray &sigma_t, const AnyArray &index_to_world
                              std::to_string(nodes[2]) + ")";
     const Real *weight = require<Real>(weights, "weights", axes.c_str(),
                                        {scene.count, nodes[0], nodes[1], nodes[2]});
-    SweepSettings settings{
-        .radius = radius, .near_slices = near_slices, .threads = threads, .control = control};
+    SweepSettings settings{.radius = radius,
+                           .near_slices = near_slices,
+                           .threads = threads,
+                           .control = control,
+                           .add = add};
     set_wanted(settings, wanted);
     const Output out = output(out_or_none, sigma_t,
                               {scene.shape[0], scene.shape[1], scene.shape[2]}, wanted.has_value());
@@ -201,5 +208,5 @@ void bind_sweep(nb::module_ &module) {
     module.def("sweep_weighted", &sweep_weighted, "sigma_t"_a, "index_to_world"_a, "directions"_a,
                "weights"_a, "spacing"_a, nb::kw_only(), "radius"_a = infinity, "near_slices"_a = 4,
                "wanted"_a = nb::none(), "threads"_a = 0, "control"_a = nb::none(),
-               "out"_a = nb::none(), sweep_weighted_doc);
+               "out"_a = nb::none(), "add"_a = false, sweep_weighted_doc);
 }
