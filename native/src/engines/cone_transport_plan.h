@@ -28,8 +28,15 @@ struct MarchPlan {
     int ray_rows;      // of a direction's rays in all
     int missing_rows;  // of them in a slab
 
+    // Numbers that rays, slices and solutions take.
+    std::size_t numbers(const ConeTransportScene &scene, const Lattice &lattice) const;
+
     bool begins_slab(int slice) const { return slice % slab_slices == 0; }
     bool ends_slab(int slice) const { return slice % slab_slices == slab_slices - 1; }
+
+private:
+    // In slabs of so many slices.
+    void divide(const Lattice &lattice, double row_slope, int slices, int wanted_threads);
 };
 
 }  // namespace volillum::cone_detail

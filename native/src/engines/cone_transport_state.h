@@ -13,18 +13,22 @@
 
 namespace volillum::cone_detail {
 
-// Rows with margins on both sides that belong to no other; the first column of each starts on a
+// Rows with margins on both sides, each of which serves two neighbours: all that is ever written
+// there is the one number that stands beside the lattice. The first column of each row starts on a
 // cache line.
 struct RowLayout {
     int margin = 0, pitch = 0;
     RowLayout() = default;
     // `reach`: what is touched beside the columns, on each side.
     RowLayout(int columns, int reach)
-        : margin(round_up(reach)), pitch(round_up(round_up(columns) + 2 * reach)) {
+        : margin(round_up(reach)), pitch(round_up(columns) + round_up(reach)) {
         // Rows a power of two apart would meet in one set of the cache.
         if (pitch % (8 * kLanes) == 0) pitch += kLanes;
     }
-    std::size_t size(std::size_t lines) const { return lines * std::size_t(pitch) + kLanes; }
+    // With the first one's margin, and room for a pack behind the last one's.
+    std::size_t size(std::size_t lines) const {
+        return lines * std::size_t(pitch) + std::size_t(margin) + kLanes;
+    }
     // Of a line, for rows whose first column has that number: at column 0.
     std::ptrdiff_t column_0(std::size_t line, int first_column) const {
         return std::ptrdiff_t(line) * pitch + margin - first_column;
@@ -39,7 +43,7 @@ public:
     void resize(std::size_t quantities, int rows, const RowLayout &layout) {
         rows_ = rows;
         layout_ = layout;
-        values_ = HugeArray<Real>(layout.size(quantities * std::size_t(rows)));
+        values_ = HugeArray<Real>(quantities * per_quantity() + kLanes);
     }
     // What is in place of a row that counts from the rays' first. A row is found as the sum of two
     // such lines, of which one serves many rows and the other many directions.
@@ -50,7 +54,8 @@ public:
         return values_.data() +
                layout_.column_0(std::size_t(sum < rows_ ? sum : sum - rows_), first_column);
     }
-    std::size_t per_quantity() const { return std::size_t(rows_) * std::size_t(layout_.pitch); }
+    // Several threads may be at lines of different quantities: these share no margin.
+    std::size_t per_quantity() const { return layout_.size(std::size_t(rows_)) - kLanes; }
 
 private:
     int rows_ = 0;
