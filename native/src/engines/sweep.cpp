@@ -87,7 +87,9 @@ private:
     }
 
     void march_pass(const Pass &pass, double progress_begin, double progress_end) {
-        const Tiling tiling(pass.frame, pass.directions.size());
+        const Tiling tiling(pass.frame, pass.directions.size(),
+                            weights_.single(0) ? 0 : int(workspaces_.size()));
+        reserve(pass, tiling);
         std::vector<LatticePlanes> planes(pass.directions.size());
         if (tiling.slabs > 1)
             for (std::size_t d = 0; d < planes.size(); ++d)
@@ -127,6 +129,30 @@ private:
             }
         });
         written_ = true;
+    }
+
+    // What many directions leave behind is given back, which malloc can only do for the thread that
+    // calls: it makes the largest pieces for all.
+    void reserve(const Pass &pass, const Tiling &tiling) {
+        if (scene_.count <= kFewDirections) return;
+        const Box box = tiling.largest_box();
+        const std::size_t batch = std::min<std::size_t>(kBatch, pass.directions.size());
+        for (Workspace &space : workspaces_) {
+            space.block.reserve(tiling.reach(box, pass));
+            if (weights_.single(0))
+                space.result.reserve(Output::numbers(box));
+            else
+                space.values.reserve(batch * std::size_t(pitch_of_values(box)));
+        }
+    }
+
+    // Slices and directions a little apart: many rows at a distance of 2^n would evict each other
+    // from the cache.
+    static std::ptrdiff_t slice_pitch_of_values(const Box &box) {
+        return std::ptrdiff_t(round_up(box.columns.size())) * box.rows.size() + kLanes;
+    }
+    static std::ptrdiff_t pitch_of_values(const Box &box) {
+        return slice_pitch_of_values(box) * box.slices.size() + round_up(box.columns.size());
     }
 
     bool cancelled() const { return settings_.control && settings_.control->cancelled(); }
@@ -184,19 +210,15 @@ private:
     // touched once a batch, and each value serves all channels.
     void sum_batches(const Tile &tile) {
         const std::vector<Direction> &directions = tile.pass.directions;
-        const std::size_t batch = std::size_t(tile.tiling.batch);
         const Box &box = tile.wanted;
-        const std::ptrdiff_t lanes = round_up(box.columns.size());
-        // Slices and directions a little apart: many rows at a distance of 2^n would evict each
-        // other from the cache.
-        const std::ptrdiff_t slice_pitch = lanes * box.rows.size() + kLanes;
-        const std::ptrdiff_t pitch = slice_pitch * box.slices.size() + lanes;
-        tile.space.values.resize(std::size_t(pitch) * std::min(batch, directions.size()));
+        const std::ptrdiff_t pitch = pitch_of_values(box);
+        const std::size_t batch = std::min<std::size_t>(kBatch, directions.size());
+        tile.space.values.resize(std::size_t(pitch) * batch);
         const Rows values{tile.space.values.data(),
                           box.slices.begin,
                           box.rows.begin,
-                          slice_pitch,
-                          lanes,
+                          slice_pitch_of_values(box),
+                          round_up(box.columns.size()),
                           pitch,
                           false};
         const Frame &frame = tile.pass.frame;
@@ -289,8 +311,10 @@ private:
 
 void sweep_with(const SweepScene &scene, const Weights &weights, const SweepSettings &settings,
                 Real *out) {
+    const bool many = scene.count > kFewDirections;
+    if (many) trim_malloc();  // of what the caller has left behind, too
     Run(scene, settings, weights, out).all_passes();
-    if (scene.count > kFewDirections) trim_malloc();
+    if (many) trim_malloc();
 }
 
 }  // namespace sweep_detail

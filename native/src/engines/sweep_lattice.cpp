@@ -9,14 +9,15 @@ namespace {
 // Measured on 256^3. Whole rows suit the memory's prefetching; slabs of 8 keep the skew of a tile's
 // rays small; high tiles have little overlap, low ones leave the sums of many directions in the
 // second-level cache. The values of a batch of directions for several channels are more than that
-// holds: smaller tiles or batches would take longer, because rays beside the tile are marched again
-// and the output is touched again. Slices that are contiguous in memory come by whole cache lines:
+// holds: smaller tiles or batches take longer, because rays beside the tile are marched again and
+// the output is touched again. Slices that are contiguous in memory come by whole cache lines:
 // by two where they are all that is waited for. For many directions one is as fast, and each thread
 // holds half as much.
 constexpr int kSlabSlices = 8, kTransposedSlab = kLanes, kHighTransposedSlab = 2 * kLanes,
               kTileColumns = 256;
 constexpr int kFewDirections = 3, kHighTile = 64, kLowTile = 32;
-constexpr int kBatchBytes = 8 * 1024 * 1024, kLargestBatch = 16;
+// Batches of all threads together take no more than the grid, as far as tiles of so few rows do.
+constexpr int kLowestTile = 8;
 
 // Large arrays of numpy and malloc lie this far behind the begin of a cache line, and a slab that
 // comes and goes by whole lines takes four fifths of the time. Not asked of the very array: where
@@ -38,17 +39,21 @@ int even_tile(int size, int largest, int multiple) {
 
 }  // namespace
 
-Tiling::Tiling(const Frame &frame_, std::size_t directions) : frame(frame_) {
+Tiling::Tiling(const Frame &frame_, std::size_t directions, int batches) : frame(frame_) {
     const bool few = directions <= kFewDirections;
     slab_slices = !frame.transposed() ? kSlabSlices : few ? kHighTransposedSlab : kTransposedSlab;
-    tile_rows = even_tile(frame.rows, few ? kHighTile : kLowTile, 1);
     tile_columns = even_tile(frame.columns, kTileColumns, kLanes);
+    int most_rows = few ? kHighTile : kLowTile;
+    if (batches > 0) {
+        const double row = double(batches) * kBatch * slab_slices * tile_columns,
+                     voxels = double(frame.slices) * frame.rows * frame.columns;
+        most_rows = std::clamp(int(voxels / row), kLowestTile, most_rows);
+    }
+    tile_rows = even_tile(frame.rows, most_rows, 1);
     slab_offset = frame.transposed() ? line_offset(frame, slab_slices) : 0;
     slabs = (slab_offset + frame.slices + slab_slices - 1) / slab_slices;
     row_tiles = (frame.rows + tile_rows - 1) / tile_rows;
     column_tiles = (frame.columns + tile_columns - 1) / tile_columns;
-    const int bytes = slab_slices * tile_rows * round_up(tile_columns) * int(sizeof(Real));
-    batch = std::clamp(kBatchBytes / bytes, 1, kLargestBatch);
 }
 
 Box Tiling::box(int slab, int tile) const {

@@ -6,17 +6,22 @@
 
 namespace volillum::sweep_detail {
 
-// Slabs of slices, cut into tiles of rows and columns. Sizes depend on the work alone, never on the
-// number of threads.
+// Directions whose values are held at once where each voxel's are summed together.
+constexpr int kBatch = 16;
+
+// Slabs of slices, cut into tiles of rows and columns. What shows in the last bit of sums, slabs
+// and batches, depends on the work alone, never on the number of threads.
 struct Tiling {
     const Frame &frame;
     int slab_slices, tile_rows, tile_columns;
     int slab_offset;  // slices that the first slab lacks
     int slabs, row_tiles, column_tiles;
-    int batch;  // directions whose results are held at once
 
-    Tiling(const Frame &frame_, std::size_t directions);
+    // `batches`: how many are held at once.
+    Tiling(const Frame &frame_, std::size_t directions, int batches);
     Box box(int slab, int tile) const;
+    // As large as any tile.
+    Box largest_box() const { return {{0, slab_slices}, {0, tile_rows}, {0, tile_columns}}; }
     // The part of the grid that the rays and near fields of a tile touch.
     Box reach(const Box &tile, const Pass &pass) const;
     // Calls visit(other) for the tiles of the slab before in which rays of this tile may have been,

@@ -2,6 +2,10 @@
 
 namespace volillum::sweep_detail {
 
+std::size_t Output::numbers(const Box &box) {
+    return std::size_t(slice_pitch(box)) * std::size_t(box.slices.size());
+}
+
 Rows Output::rows(const Frame &frame, const Box &box, const Range &channels, bool add, bool apart,
                   Reals &result) const {
     Real *to = at(frame, box, channels);
@@ -14,18 +18,13 @@ Rows Output::rows(const Frame &frame, const Box &box, const Range &channels, boo
                 .channel_pitch = channel_pitch_,
                 .add = add,
                 .next = frame.rows_are_inner() ? frame.row_stride : frame.slice_stride};
-    // An odd number of lines apart: rows at a distance of 2^n would evict each other from the
-    // cache.
-    const std::ptrdiff_t row_pitch = round_up(box.columns.size()) + kLanes;
-    const std::ptrdiff_t slice_pitch = row_pitch * box.rows.size() + kLanes;
-    const std::ptrdiff_t channel_pitch = slice_pitch * box.slices.size();
-    result.resize(std::size_t(channel_pitch) * std::size_t(channels.size()));
+    result.resize(numbers(box) * std::size_t(channels.size()));
     return {.first = result.data(),
             .first_slice = box.slices.begin,
             .first_row = box.rows.begin,
-            .slice_pitch = slice_pitch,
-            .row_pitch = row_pitch,
-            .channel_pitch = channel_pitch,
+            .slice_pitch = slice_pitch(box),
+            .row_pitch = row_pitch(box),
+            .channel_pitch = std::ptrdiff_t(numbers(box)),
             .add = false,
             .columns = to,
             .column_pitch = frame.column_stride,

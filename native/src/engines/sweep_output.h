@@ -26,6 +26,8 @@ public:
         }
     }
 
+    // What `result` is for a channel of a box that is apart.
+    static std::size_t numbers(const Box &box);
     // Rows to write the sums of a box's voxels to, of the first of some channels; `result` is room
     // for them, to be used if `apart` or they leave transposed. `add`: whether the output holds
     // what they are to be added to.
@@ -36,6 +38,14 @@ public:
                  const Rows &rows) const;
 
 private:
+    // An odd number of lines apart: rows at a distance of 2^n would evict each other from the
+    // cache.
+    static std::ptrdiff_t row_pitch(const Box &box) {
+        return round_up(box.columns.size()) + kLanes;
+    }
+    static std::ptrdiff_t slice_pitch(const Box &box) {
+        return row_pitch(box) * box.rows.size() + kLanes;
+    }
     Real *at(const Frame &frame, const Box &box, const Range &channels) const {
         return first_ + channels.begin * channel_pitch_ +
                frame.element(box.slices.begin, box.rows.begin, box.columns.begin);

@@ -21,7 +21,7 @@ Box box_of(const Frame &frame, const Index3 &begin, const Index3 &end) {
     return {slices, range(frame.row_axis, frame.rows), range(frame.column_axis, frame.columns)};
 }
 
-bool Block::load(const Frame &frame, const Real *sigma_t, Real largest, const Box &box) {
+std::size_t Block::place(const Box &box) {
     box_ = box;
     // Columns lie in cache lines as those of tiles do, which begin at multiples of a line. One lane
     // beyond: kernels read whole vectors. An odd number of lines keeps the rows of a column in
@@ -30,8 +30,19 @@ bool Block::load(const Frame &frame, const Real *sigma_t, Real largest, const Bo
     row_pitch_ = round_up(phase_ + box.columns.size()) + kLanes;
     if (row_pitch_ / kLanes % 2 == 0) row_pitch_ += kLanes;
     slice_pitch_ = row_pitch_ * box.rows.size();
-    const std::size_t size = std::size_t(slice_pitch_) * std::size_t(box.slices.size());
-    if (data_.size() < size + 4 * kLanes) data_.resize(size + 4 * kLanes);
+    return std::size_t(slice_pitch_) * std::size_t(box.slices.size()) + 4 * kLanes;
+}
+
+void Block::reserve(const Box &box) {
+    // Columns may begin anywhere in a line.
+    Box widest = box;
+    widest.columns.end += kLanes;
+    data_.reserve(place(widest));
+}
+
+bool Block::load(const Frame &frame, const Real *sigma_t, Real largest, const Box &box) {
+    const std::size_t size = place(box);
+    if (data_.size() < size) data_.resize(size);
 
     const Range slices = clip(box.slices, frame.slices), rows = clip(box.rows, frame.rows),
                 columns = clip(box.columns, frame.columns);

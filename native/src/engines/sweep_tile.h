@@ -48,6 +48,8 @@ public:
     // sigma_t in the frame's layout; values are clipped to `largest`. Returns whether any differs
     // from 0.
     bool load(const Frame &frame, const Real *sigma_t, Real largest, const Box &box);
+    // Makes room for boxes of the size of this one.
+    void reserve(const Box &box);
     const Real *at(int t, int b, int c) const {
         return data_.data() + (t - box_.slices.begin) * slice_pitch_ +
                (b - box_.rows.begin) * row_pitch_ + phase_ + (c - box_.columns.begin);
@@ -56,6 +58,8 @@ public:
     std::ptrdiff_t slice_pitch() const { return slice_pitch_; }
 
 private:
+    // Returns how many numbers it takes.
+    std::size_t place(const Box &box);
     Box box_{};
     std::ptrdiff_t row_pitch_ = 0, slice_pitch_ = 0, phase_ = 0;
     Reals data_;
