@@ -33,6 +33,19 @@ def test_every_voxel_is_written_also_over_the_transmittance(world: Array, axis: 
         assert np.array_equal(out, wanted)
 
 
+def test_more_channels_than_extinctions_are_written_over_the_transmittance() -> None:
+    sigma_t = smooth((23, 38, 31))[None]
+    sigma_s = np.concatenate([sigma_t * np.float32(albedo) for albedo in (0.5, 0.9, 0.1)])
+    vectors, weights = cone_rule(THETA, 8)
+    axis = AXES["oblique"]
+    arguments = (sigma_t, sigma_s, AFFINES["sheared"], axis, about(vectors, axis), weights)
+    seen = np.exp(-sigma_t)
+    wanted = volillum_native.cone_transport(*arguments, transmittance=seen)
+    out = np.repeat(seen, 3, axis=0)
+    volillum_native.cone_transport(*arguments, transmittance=out[:1], out=out)
+    assert np.array_equal(out, wanted)
+
+
 def test_colours_are_solved_apart() -> None:
     sigma_t = np.stack([smooth() * scale for scale in (1.0, 2.0, 0.5)]).astype(np.float32)
     sigma_s = sigma_t * np.array([0.9, 0.5, 0.99], np.float32)[:, None, None, None]

@@ -20,13 +20,15 @@ def sweep(
     control: Control,
     radius: float = math.inf,
     wanted: Region | None = None,
+    out: NDArray[np.float32] | None = None,
 ) -> NDArray[np.float32]:
     """Weighted sums of transmittance, [extinction channels, c, i, j, k], for weights [d, c]; 0
-    where they are not wanted."""
+    where they are not wanted, or what `out` holds there, [c, extinction channels, i, j, k]."""
     weights = np.ascontiguousarray(weights, dtype=np.float32)
-    # All extinctions of one sum together, which becomes a grid.
-    make = np.empty if wanted is None else np.zeros
-    result = make((weights.shape[1], sigma_t.channels, *sigma_t.shape), np.float32)
+    if out is None:
+        # All extinctions of one sum together, which becomes a grid.
+        make = np.empty if wanted is None else np.zeros
+        out = make((weights.shape[1], sigma_t.channels, *sigma_t.shape), np.float32)
     for index, plane in enumerate(sigma_t.planes()):
         with control.stage(index / sigma_t.channels, (index + 1) / sigma_t.channels, "sweeping"):
             native.sweep(
@@ -38,9 +40,9 @@ def sweep(
                 near_slices=near,
                 wanted=wanted,
                 control=control.native,
-                out=result[:, index],
+                out=out[:, index],
             )
-    return result.swapaxes(0, 1)
+    return out.swapaxes(0, 1)
 
 
 def falloff(grid: Grid, position: NDArray[np.float64]) -> NDArray[np.float32]:

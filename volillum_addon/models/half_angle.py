@@ -78,10 +78,14 @@ def light_of_sun(
         return blurred_slices(medium, axis, values, control, scattered_on=True)
     vectors, weights = cone_rule(float(values["theta"]), int(values["directions"]))
     directions = np.ascontiguousarray(about(vectors, axis))
+    # The unscattered light first, in the memory of the result, which may have more channels.
+    planes = np.empty((_channels(medium), *medium.sigma_t.shape), np.float32)
+    seen = planes[: medium.sigma_t.channels]
     with control.stage(0, UNSCATTERED_SHARE, "unscattered light"):
-        seen = sweep(medium.sigma_t, directions, weights[:, None], int(values["near"]), control)
+        near = int(values["near"])
+        sweep(medium.sigma_t, directions, weights[:, None], near, control, out=seen[None])
     with control.stage(UNSCATTERED_SHARE, 1, "scattered light"):
-        return marched(medium, axis, directions, weights, seen[:, 0], values, control)
+        return marched(medium, axis, directions, weights, seen, values, control, out=planes)
 
 
 def light_of_lamp(
@@ -129,11 +133,13 @@ def marched(
     control: Control,
     lamp: NDArray[np.float64] | None = None,
     node_spacing: int = 1,
+    out: NDArray[np.float32] | None = None,
 ) -> NDArray[np.float32]:
     """The solution of the march along `axis`, [channels, i, j, k], where `seen` of the light is
-    not scattered; InputError where the light's lattice would have no end. `seen` is given up."""
-    seen = np.ascontiguousarray(seen)
-    channels = max(medium.sigma_t.channels, medium.sigma_s.channels)
+    not scattered; InputError where the light's lattice would have no end. `seen` is given up:
+    `out` may begin with it."""
+    if out is None and len(seen) == _channels(medium):
+        out = seen
     try:
         planes: NDArray[np.float32] = native.cone_transport(
             medium.sigma_t.planes(),
@@ -147,11 +153,15 @@ def marched(
             lamp=lamp,
             spacing=float(values["spacing"]),
             control=control.native,
-            out=seen if len(seen) == channels else None,
+            out=out,
         )
     except ValueError as error:
         raise InputError(f"Half angle slicing cannot march here: {error}") from error
     return planes
+
+
+def _channels(medium: Medium) -> int:
+    return max(medium.sigma_t.channels, medium.sigma_s.channels)
 
 
 def radiance(lights: tuple[Light, ...], medium: Medium, values: Values) -> tuple[RadianceTerm, ...]:

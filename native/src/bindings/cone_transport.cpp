@@ -94,8 +94,8 @@ Result cone_transport(const AnyArray &sigma_t, const AnyArray &sigma_s,
         out_or_none, {std::int64_t(channels), scene.shape[0], scene.shape[1], scene.shape[2]});
     volillum::refuse_shared(data, channels * voxels, sigma_t, "sigma_t");
     volillum::refuse_shared(data, channels * voxels, sigma_s, "sigma_s");
-    // A voxel's transmittance is read before it is written.
-    if (transmittance && (data != scene.transmittance || channels != sigma_t.shape(0)))
+    // A voxel's transmittance is read before any of its channels is written.
+    if (transmittance && data != scene.transmittance)
         volillum::refuse_shared(data, channels * voxels, *transmittance, "transmittance");
     {
         const nb::gil_scoped_release release;
@@ -128,8 +128,8 @@ transmittance: None, or float32 of sigma_t's shape: sum_d weights[d] T(x, infini
 spacing: of the light's lattice, in voxels; time and memory grow with its inverse cube.
 threads: 0: all cores. The result is the same, bit for bit, for any number.
 control: cancels (raises Cancelled) and tells the progress.
-out: an array to write to instead of a new one; may be `transmittance` itself where that has as many
-channels, which is then lost.
+out: an array to write to instead of a new one; may begin with `transmittance` itself, which is then
+lost.
 Returns float32 [1 or 3, nx, ny, nz].
 Raises ValueError for wrong shapes, a singular affine, or a rule that does not fit; TypeError for
 wrong types.)";
