@@ -5,9 +5,7 @@
 #include <atomic>
 #include <thread>
 
-#include "sweep_lattice.h"
-#include "sweep_output.h"
-#include "sweep_weights.h"
+#include "sweep_workspace.h"
 #include "volillum/pages.h"
 #include "volillum/parallel.h"
 
@@ -15,19 +13,9 @@ namespace volillum {
 namespace sweep_detail {
 namespace {
 
-// So few go through the grid in the time that the system takes for new pages.
-constexpr int kFewDirections = 3;
 // Measured on 256^3: 16 directions' planes in the third-level cache, and where touching the output
 // once more costs more than planes that are not.
 constexpr std::size_t kCachedPlanes = std::size_t(18) << 20, kDirectionsPerChannel = 4;
-
-// What a thread keeps between tiles.
-struct Workspace {
-    Block block, tail;
-    Scratch march;
-    std::vector<int> active;
-    Reals values, weights, result;
-};
 
 class Run {
 public:
@@ -64,6 +52,8 @@ public:
         }
     }
 
+    bool many() const { return std::size_t(scene_.count) > kFewDirections; }
+
 private:
     std::ptrdiff_t voxels() const {
         return std::ptrdiff_t(scene_.shape[0]) * scene_.shape[1] * scene_.shape[2];
@@ -87,9 +77,10 @@ private:
     }
 
     void march_pass(const Pass &pass, double progress_begin, double progress_end) {
-        const Tiling tiling(pass.frame, pass.directions.size(),
-                            weights_.single(0) ? 0 : int(workspaces_.size()));
-        reserve(pass, tiling);
+        const Tiling tiling(pass, weights_.single(0) ? 0 : int(workspaces_.size()));
+        if (many())
+            for (Workspace &space : workspaces_)
+                space.reserve(pass, tiling, weights_.single(0) ? 0 : kBatch);
         std::vector<LatticePlanes> planes(pass.directions.size());
         if (tiling.slabs > 1)
             for (std::size_t d = 0; d < planes.size(); ++d)
@@ -131,30 +122,6 @@ private:
         written_ = true;
     }
 
-    // What many directions leave behind is given back, which malloc can only do for the thread that
-    // calls: it makes the largest pieces for all.
-    void reserve(const Pass &pass, const Tiling &tiling) {
-        if (scene_.count <= kFewDirections) return;
-        const Box box = tiling.largest_box();
-        const std::size_t batch = std::min<std::size_t>(kBatch, pass.directions.size());
-        for (Workspace &space : workspaces_) {
-            space.block.reserve(tiling.reach(box, pass));
-            if (weights_.single(0))
-                space.result.reserve(Output::numbers(box));
-            else
-                space.values.reserve(batch * std::size_t(pitch_of_values(box)));
-        }
-    }
-
-    // Slices and directions a little apart: many rows at a distance of 2^n would evict each other
-    // from the cache.
-    static std::ptrdiff_t slice_pitch_of_values(const Box &box) {
-        return std::ptrdiff_t(round_up(box.columns.size())) * box.rows.size() + kLanes;
-    }
-    static std::ptrdiff_t pitch_of_values(const Box &box) {
-        return slice_pitch_of_values(box) * box.slices.size() + round_up(box.columns.size());
-    }
-
     bool cancelled() const { return settings_.control && settings_.control->cancelled(); }
 
     // One tile of a pass, and what a thread needs to march through it.
@@ -174,7 +141,7 @@ private:
                     std::vector<LatticePlanes> &planes, int slab, int index, Workspace &space) {
         const Box box = tiling.box(slab, index), own = box.common(wanted);
         const bool filled =
-            needs.any(slab, index) &&
+            !tiling.in_pieces && needs.any(slab, index) &&
             space.block.load(pass.frame, scene_.sigma_t, largest_, tiling.reach(box, pass));
         const Tile tile{pass, tiling, needs, planes, slab, index, box, own, filled, space};
         if (weights_.single(0))
@@ -210,17 +177,9 @@ private:
     // touched once a batch, and each value serves all channels.
     void sum_batches(const Tile &tile) {
         const std::vector<Direction> &directions = tile.pass.directions;
-        const Box &box = tile.wanted;
-        const std::ptrdiff_t pitch = pitch_of_values(box);
         const std::size_t batch = std::min<std::size_t>(kBatch, directions.size());
-        tile.space.values.resize(std::size_t(pitch) * batch);
-        const Rows values{tile.space.values.data(),
-                          box.slices.begin,
-                          box.rows.begin,
-                          slice_pitch_of_values(box),
-                          round_up(box.columns.size()),
-                          pitch,
-                          false};
+        const Box &box = tile.wanted;
+        const Rows values = rows_of_values(box, batch, tile.space.values);
         const Frame &frame = tile.pass.frame;
         bool add = written_;
         const auto write = [&](const auto &sums) {
@@ -239,7 +198,7 @@ private:
             for (std::size_t d = first; d < std::min(first + batch, directions.size()); ++d) {
                 if (tile.need(d) == Need::nothing) continue;
                 Rows of_direction = values;
-                of_direction.first += pitch * std::ptrdiff_t(active.size());
+                of_direction.first += values.channel_pitch * std::ptrdiff_t(active.size());
                 if (tile.need(d) == Need::sums) of_direction.first = nullptr;
                 const bool marched = march_direction(tile, d, 1, of_direction);
                 if (!of_direction.first) continue;
@@ -279,21 +238,33 @@ private:
         const bool lit =
             planes && tile.slab > 0 &&
             planes->any(tile.slab, direction.crossing(tile.box.slices.begin - 1), rays);
+        const auto load = [&](Block &block, int distance) {
+            return block.load(pass.frame, scene_.sigma_t, largest_,
+                              reach_outward(direction, tile.box, distance, rays));
+        };
+        Workspace &space = tile.space;
+        bool filled = tile.filled;
+        if (tile.tiling.in_pieces) {
+            if (rows.first)
+                filled = space.near.sum(pass.frame, scene_.sigma_t, largest_, direction,
+                                        unit_of(settings_.quantity), tile.wanted);
+            if (direction.has_far_field) filled |= load(space.block, pass.near_slices);
+        }
         const Block *tail = nullptr;
         if (direction.has_far_field && direction.finite) {
-            const int last = tile.box.slices.end - 1 - pass.near_slices - direction.tail;
-            if (last >= 0) {
-                tile.space.tail.load(pass.frame, scene_.sigma_t, largest_,
-                                     tail_reach(direction, tile.box, pass, rays));
-                tail = &tile.space.tail;
+            const int distance = pass.near_slices + direction.tail;
+            if (tile.box.slices.end - 1 - distance >= 0) {
+                load(space.tail, distance);
+                tail = &space.tail;
             }
         }
-        if (!tile.filled && !lit && !tail) {
+        if (!filled && !lit && !tail) {
             if (planes) planes->clear(tile.slab, tile.box);
             return false;
         }
-        march({direction, rays, tile.box, tile.wanted, tile.slab, planes, tile.space.block, tail,
-               pass.near_slices, settings_.quantity, weight, rows, tile.space.march});
+        march({direction, rays, tile.box, tile.wanted, tile.slab, planes, space.block,
+               tile.tiling.in_pieces ? &space.near : nullptr, tail, pass.near_slices,
+               settings_.quantity, weight, rows, space.march});
         return true;
     }
 
@@ -311,10 +282,10 @@ private:
 
 void sweep_with(const SweepScene &scene, const Weights &weights, const SweepSettings &settings,
                 Real *out) {
-    const bool many = scene.count > kFewDirections;
-    if (many) trim_malloc();  // of what the caller has left behind, too
-    Run(scene, settings, weights, out).all_passes();
-    if (many) trim_malloc();
+    Run run(scene, settings, weights, out);
+    if (run.many()) trim_malloc();  // of what the caller has left behind, too
+    run.all_passes();
+    if (run.many()) trim_malloc();
 }
 
 }  // namespace sweep_detail

@@ -3,6 +3,8 @@
 #include <cstring>
 #include <limits>
 
+#include "sweep_near.h"
+
 namespace volillum::sweep_detail {
 namespace {
 
@@ -15,7 +17,7 @@ namespace {
 // holds half as much.
 constexpr int kSlabSlices = 8, kTransposedSlab = kLanes, kHighTransposedSlab = 2 * kLanes,
               kTileColumns = 256;
-constexpr int kFewDirections = 3, kHighTile = 64, kLowTile = 32;
+constexpr int kHighTile = 64, kLowTile = 32;
 // Batches of all threads together take no more than the grid, as far as tiles of so few rows do.
 constexpr int kLowestTile = 8;
 
@@ -39,8 +41,11 @@ int even_tile(int size, int largest, int multiple) {
 
 }  // namespace
 
-Tiling::Tiling(const Frame &frame_, std::size_t directions, int batches) : frame(frame_) {
-    const bool few = directions <= kFewDirections;
+Tiling::Tiling(const Pass &pass, int batches) : frame(pass.frame) {
+    const bool only_few = pass.directions.size() <= kFewDirections;
+    in_pieces = only_few && pass.near_slices > kPieceSlices;
+    // Where a long near field takes the time, low tiles of thin slabs cost nothing.
+    const bool few = only_few && !in_pieces;
     slab_slices = !frame.transposed() ? kSlabSlices : few ? kHighTransposedSlab : kTransposedSlab;
     tile_columns = even_tile(frame.columns, kTileColumns, kLanes);
     int most_rows = few ? kHighTile : kLowTile;
@@ -82,9 +87,8 @@ Box Tiling::reach(const Box &tile, const Pass &pass) const {
              tile.columns.end + 2 + int(std::ceil(high_column * slices))}};
 }
 
-Box tail_reach(const Direction &direction, const Box &tile, const Pass &pass,
-               const RayRanges &rays) {
-    const int distance = pass.near_slices + direction.tail;
+Box reach_outward(const Direction &direction, const Box &tile, int distance,
+                  const RayRanges &rays) {
     const Range slices{tile.slices.begin - distance - 1, tile.slices.end - distance};
     const Crossing first = direction.crossing(slices.begin);
     const Crossing last = direction.crossing(slices.end - 1);

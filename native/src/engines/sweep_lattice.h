@@ -6,6 +6,8 @@
 
 namespace volillum::sweep_detail {
 
+// So few go through the grid in the time that the system takes for new pages.
+constexpr std::size_t kFewDirections = 3;
 // Directions whose values are held at once where each voxel's are summed together.
 constexpr int kBatch = 16;
 
@@ -16,13 +18,14 @@ struct Tiling {
     int slab_slices, tile_rows, tile_columns;
     int slab_offset;  // slices that the first slab lacks
     int slabs, row_tiles, column_tiles;
+    bool in_pieces;  // whether near fields are summed piece by piece
 
     // `batches`: how many are held at once.
-    Tiling(const Frame &frame_, std::size_t directions, int batches);
+    Tiling(const Pass &pass, int batches);
     Box box(int slab, int tile) const;
     // As large as any tile.
     Box largest_box() const { return {{0, slab_slices}, {0, tile_rows}, {0, tile_columns}}; }
-    // The part of the grid that the rays and near fields of a tile touch.
+    // The part of the grid that the rays and near fields of a tile touch, those in pieces aside.
     Box reach(const Box &tile, const Pass &pass) const;
     // Calls visit(other) for the tiles of the slab before in which rays of this tile may have been,
     // until it returns false.
@@ -49,9 +52,9 @@ struct Tiling {
     }
 };
 
-// The part of the grid in which a direction's rays through a tile end.
-Box tail_reach(const Direction &direction, const Box &tile, const Pass &pass,
-               const RayRanges &rays);
+// The part of the grid where a direction's rays through a tile are so many slices further outward,
+// and one slice more.
+Box reach_outward(const Direction &direction, const Box &tile, int distance, const RayRanges &rays);
 
 // One direction's sums of all lattice rays where they cross from slab to slab; of rays that end a
 // pair each, high + low (null: there is no low half). They lie by the place where they meet the

@@ -1,5 +1,6 @@
 // The march of one direction through a tile.
 #include "sweep_lattice.h"
+#include "sweep_near.h"
 
 namespace volillum::sweep_detail {
 namespace {
@@ -12,20 +13,9 @@ Bilinear sampler(const Block &block, int t, const Crossing &crossing, const RayR
 void prepare(const March &m) {
     Scratch &scratch = m.scratch;
     const Range &slices = m.tile.slices;
-    std::vector<Stencil::Run> &runs = scratch.stencil.runs;
-    runs.clear();
-    const Tap *last = nullptr;
-    for (const Tap &tap : m.direction.near_field) {
-        const bool goes_on = last && tap.slices_outward == last->slices_outward &&
-                             tap.column == last->column && tap.row == last->row + 1 &&
-                             runs.back().length < kLongestRun;
-        if (!goes_on)
-            runs.push_back({-tap.slices_outward * m.block.slice_pitch() +
-                                tap.row * m.block.row_pitch() + tap.column,
-                            0,
-                            {}});
-        runs.back().coefficients[runs.back().length++] = tap.coefficient * m.unit();
-        last = &tap;
+    if (!m.near) {
+        const std::vector<Tap> &taps = m.direction.near_field;
+        set_runs(taps.data(), taps.data() + taps.size(), m.block, m.unit(), scratch.stencil);
     }
     scratch.near.resize(
         std::size_t(slices.size() * kStencilRows * round_up(m.wanted.columns.size())));
@@ -46,6 +36,7 @@ void prepare(const March &m) {
 
 // The near field of a row of voxels, computed for kStencilRows rows of a slice together.
 const Real *near_row(const March &m, int t, int b) {
+    if (m.near) return m.near->row(t, b);
     const Range &rows = m.wanted.rows;
     const int lanes = round_up(m.wanted.columns.size());
     const bool together = rows.size() >= kStencilRows;

@@ -2,6 +2,33 @@
 
 namespace volillum::sweep_detail {
 
+namespace {
+
+// Slices and directions a little apart: many rows at a distance of 2^n would evict each other from
+// the cache.
+std::ptrdiff_t slice_pitch_of_values(const Box &tile) {
+    return std::ptrdiff_t(round_up(tile.columns.size())) * tile.rows.size() + kLanes;
+}
+
+}  // namespace
+
+std::size_t numbers_of_values(const Box &tile) {
+    return std::size_t(slice_pitch_of_values(tile) * tile.slices.size() +
+                       round_up(tile.columns.size()));
+}
+
+Rows rows_of_values(const Box &tile, std::size_t directions, Reals &values) {
+    const std::size_t numbers = numbers_of_values(tile);
+    values.resize(directions * numbers);
+    return {.first = values.data(),
+            .first_slice = tile.slices.begin,
+            .first_row = tile.rows.begin,
+            .slice_pitch = slice_pitch_of_values(tile),
+            .row_pitch = round_up(tile.columns.size()),
+            .channel_pitch = std::ptrdiff_t(numbers),
+            .add = false};
+}
+
 std::size_t Output::numbers(const Box &box) {
     return std::size_t(slice_pitch(box)) * std::size_t(box.slices.size());
 }

@@ -5,6 +5,11 @@
 
 namespace volillum::sweep_detail {
 
+// Rows of a tile's voxels for the values of so many directions, each of which is a channel;
+// `values` is room for them.
+Rows rows_of_values(const Box &tile, std::size_t directions, Reals &values);
+std::size_t numbers_of_values(const Box &tile);
+
 // [channels, n0, n1, n2]. The sums of a tile are made in an array of their own where they leave
 // transposed, along k, or where so many directions add to them that it pays to have their rows
 // begin with a cache line: those of numpy's arrays do not.

@@ -95,6 +95,7 @@ struct RayRanges {
 RayRanges rays_of(const Direction &direction, const Box &tile);
 
 class LatticePlanes;
+class NearSums;
 
 struct Scratch {
     Reals high, low, across, depth, level, near;
@@ -102,6 +103,11 @@ struct Scratch {
     std::vector<Bilinear> samplers, tails;
     Stencil stencil;
 };
+
+// What optical depths are measured in: their transmittance is a power of 2.
+inline Real unit_of(Quantity quantity) {
+    return quantity == Quantity::transmittance ? Real(kLog2E) : Real(1);
+}
 
 // Marches one direction through a tile: continues the sums of its rays, which come from `planes`
 // and go back there (null: there is one slab only), and writes weight times the quantity at those
@@ -113,7 +119,8 @@ struct March {
     int slab;
     LatticePlanes *planes;
     const Block &block;
-    const Block *tail;  // where the ray ends, null: has not begun to lose samples yet
+    const NearSums *near;  // null: the near field lies in `block`
+    const Block *tail;     // where the ray ends, null: has not begun to lose samples yet
     int near_slices;
     Quantity quantity;
     Real weight;
@@ -121,8 +128,7 @@ struct March {
     Scratch &scratch;
 
     const WeightedPower power{weight};
-    // What optical depths are measured in: their transmittance is a power of 2.
-    Real unit() const { return quantity == Quantity::transmittance ? Real(kLog2E) : Real(1); }
+    Real unit() const { return unit_of(quantity); }
 };
 void march(const March &m);
 
