@@ -93,11 +93,12 @@ Layers::Layers(const RadianceScene &scene, int major_axis, int near_slices, doub
       columns(scene.shape[column_axis]),
       channels(scene.extinction_channels + 3),
       // Zeros on both sides for as far as a ray may get sideways in its near field and the corner
-      // beyond, and on the right for the rest of a vector.
+      // beyond; they serve neighbouring rows and channels alike. Behind the last there is room for
+      // the rest of a vector, which elsewhere holds other numbers: nothing comes of them.
       margin_(near_slices + 2),
-      pitch_(round_up(columns + 2 * (near_slices + 2)) + kLanes),
-      data_(std::size_t(slices) * std::size_t(rows) * std::size_t(channels * pitch_)),
-      zeros_(std::size_t(channels * pitch_)),
+      pitch_(round_up(columns + margin_)),
+      data_(place(slices, 0) + std::size_t(margin_ + kLanes)),
+      zeros_(std::size_t(channels * pitch_ + margin_ + kLanes)),
       filled_(std::size_t(slices) * std::size_t(rows)) {
     const std::ptrdiff_t strides[3] = {std::ptrdiff_t(scene.shape[1]) * scene.shape[2],
                                        scene.shape[2], 1};
@@ -105,9 +106,12 @@ Layers::Layers(const RadianceScene &scene, int major_axis, int near_slices, doub
     const Real densest = static_cast<Real>(kLargestDepth / longest_step);
     const Real brightest = static_cast<Real>(kLargestSource / longest_step);
     const int extinctions = scene.extinction_channels;
+    std::fill_n(data_.data() + place(slices, 0), margin_ + kLanes, Real(0));
     parallel_for(std::size_t(slices), threads, nullptr, [&](std::size_t slice, int) {
         for (int b = 0; b < rows; ++b) {
-            Real *to = data_.data() + place(int(slice), b) + margin_;
+            Real *to = data_.data() + place(int(slice), b);
+            std::fill_n(to, channels * pitch_, Real(0));
+            to += margin_;
             const std::ptrdiff_t from =
                 std::ptrdiff_t(slice) * strides[axis] + b * strides[row_axis];
             bool any = false;

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "volillum/huge_array.h"
 #include "volillum/radiance_sweep.h"
 
 namespace volillum::radiance_detail {
@@ -38,7 +39,8 @@ private:
                std::size_t(channels * pitch_);
     }
     std::ptrdiff_t margin_, pitch_;
-    Reals data_, zeros_;
+    HugeArray<Real> data_;
+    Reals zeros_;
     std::vector<unsigned char> filled_;
 };
 
