@@ -17,7 +17,7 @@ constexpr int kMostSlabSlices = 8;
 // Rays, slices and solutions may take so many times what the medium takes: with the medium itself,
 // its trimmed copy and the outputs that is four times the input. Thinner slabs take less, the more
 // so the more threads there are.
-constexpr double kShare = 1.5;
+constexpr double kShare = 1.4;
 
 // The most rows, or columns, that rays move from slice to slice.
 double steepest(const std::vector<Ray> &rays, double Ray::*slope) {
