@@ -23,7 +23,7 @@ from ..models.model import Model, Values
 from ..models.operator import highest_band
 
 # Raised when a kernel or model gives other values for the same input.
-KERNEL_REVISION = 14
+KERNEL_REVISION = 15
 # Directions that agree to this many decimals are one: a moved orthographic camera has the same
 # view direction but for its rounding.
 DIRECTION_DECIMALS = 9
