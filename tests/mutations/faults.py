@@ -272,6 +272,13 @@ FAULTS = (
         ("tests/models/test_seen_only.py::test_the_same_image",),
     ),
     Fault(
+        "a weight folded into the exponential makes numbers too small for their exponent",
+        "native/include/volillum/exp_negative.h",
+        "126 + std::log2(std::abs(double(weight)))",
+        "126.0",
+        ("tests/native/test_sweep.py::test_a_weight_of_any_size_scales_the_transmittance",),
+    ),
+    Fault(
         "rays that are not followed up to the voxels that are wanted",
         "native/src/engines/sweep_lattice.cpp",
         "if (sources[source] == Need::nothing) sources[source] = Need::sums;",

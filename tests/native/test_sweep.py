@@ -234,6 +234,20 @@ def test_transmittance_is_the_exponential_of_the_optical_depth() -> None:
         assert np.all(found[depth > 88] == 0)
 
 
+@pytest.mark.parametrize("weight", [1.0, -3.0, 1e30, 1e-20, -1e-37, 1e-40, 0.0])
+def test_a_weight_of_any_size_scales_the_transmittance(weight: float) -> None:
+    """It is folded into the exponential: what would be denormal is 0."""
+    sigma_t = np.full((200, 2, 5), 0.5, np.float32)
+    along = np.array([[1.0, 0, 0]])
+    one, found = (
+        volillum_native.sweep(sigma_t, IDENTITY, along, np.array([[w]], np.float32))
+        for w in (1.0, weight)
+    )
+    least = float(np.finfo(np.float32).tiny)
+    np.testing.assert_allclose(found, one * np.float64(weight), rtol=3e-7, atol=1.5 * least)
+    assert np.all((found == 0) | (np.abs(found) >= least))
+
+
 @pytest.mark.parametrize("radius", [np.inf, 1e3])
 def test_sums_do_not_lose_precision_on_long_rays(radius: float) -> None:
     """1,024 slices; a plain sum in float32 errs by 6e-6 of the constant's.
