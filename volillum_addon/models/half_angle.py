@@ -198,7 +198,7 @@ MODEL = Model(
         ),
         Parameter(
             "spacing",
-            0.7,
+            0.68,
             "Step of the light's lattice: 1 for smoke, less for hard surfaces; time grows with its "
             "inverse cube",
             0.1,
