@@ -8,8 +8,9 @@ A bound counts the roundings that a result goes through, each of at most the uni
 summed is not negative, so none is magnified:
 
     optical depth   relative error k u: interpolations across the lattice and of the result (3
-                    roundings each: weight, product, sum), the sums within a slab of 16 slices (what
-                    joins slabs is summed in pairs), and the near field's taps, 9 a slice
+                    roundings each: weight, product, sum), the sums within a slab of 16 slices, one
+                    where each slab joins those before it (at most 4 in grids of this size), and the
+                    near field's taps, 9 a slice
     transmittance   exp(-q) is off by q exp(-q) k u <= k u / e, and the exponential's own 2e-7
     weighted sums   one rounding for each direction and its weight
     hues            of radiances down to 1e-6 of the light's, ratios: ln(1e6) k u, in both terms

@@ -253,7 +253,8 @@ def test_sums_do_not_lose_precision_on_long_rays(radius: float) -> None:
     """1,024 slices; a plain sum in float32 errs by 6e-6 of the constant's.
 
     The sum of a slab joins those before it with one rounding: 128 of them, of sums half as long as
-    the last on average. They go one way for a constant and cancel for noise. Rays that end keep
+    the last on average. For a constant they may all go one way; for noise, where they cancel, four
+    standard deviations are allowed, and 8 for the samples of the last slab. Rays that end keep
     pairs.
     """
     rng = np.random.default_rng(9)

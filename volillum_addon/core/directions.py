@@ -53,7 +53,8 @@ def cone_rule(
     """Gauss x uniform (azimuth) rule for the cone of half angle theta about +z, theta <= 90 degrees
     where beta is not 0.
 
-    Returns about `directions` unit vectors [d, 3] and their weights [d], which sum to 1: uniform in
+    Returns about `directions` unit vectors [d, 3], a multiple of four on each ring, and their
+    weights [d], which sum to 1: uniform in
     solid angle, or Phong's lobe (beta + 1) / (2 pi (1 - cos^(beta+1) theta)) cos^beta.
     """
     rings = max(1, round(math.sqrt(directions / 4)))
